@@ -1,0 +1,306 @@
+//! One block of environments in lanes: a control step, a reset, a snapshot.
+
+use super::machine::{Machine, Outcome};
+use crate::env::{AutoresetMode, Scene, StepData};
+use crate::error::{Error, Result};
+use crate::isa::{Isa, Kernel, dispatch};
+use crate::lane::{Mask, Real};
+use crate::seed::Stream;
+use crate::snapshot::Snapshot;
+
+/// What the batch keeps of each environment beside its plant.
+#[derive(Clone, Debug, Default)]
+struct Clock {
+    steps: u32,
+    ended: bool,
+    begun: bool,
+    episode_return: f64,
+    reward: f64,
+}
+
+/// `R::LANES` environments; the last block of a batch may use fewer.
+pub struct Block<M: Machine, R: Real> {
+    plant: M::Plant<R>,
+    streams: Vec<Stream>,
+    clocks: Vec<Clock>,
+    used: usize,
+    actions: Vec<R>,
+    observation: Vec<R>,
+    outcome: Outcome<R>,
+}
+
+/// How a batch runs its blocks.
+#[derive(Clone, Copy, Debug)]
+pub struct Rules {
+    pub mode: AutoresetMode,
+    pub max_episode_steps: Option<u32>,
+    pub isa: Isa,
+}
+
+/// Where a reset acts and with what: row numbers are those of the batch.
+pub struct ResetRows<'a> {
+    pub first: usize,
+    pub mask: Option<&'a [bool]>,
+}
+
+impl<M: Machine, R: Real> Block<M, R> {
+    /// A block whose environments have streams `first_seed`, `first_seed + 1`, ... and no episode yet.
+    pub fn new(machine: &M, used: usize, first_seed: u64) -> Self {
+        let spec = machine.spec();
+        Block {
+            plant: machine.new_plant(),
+            streams: (0..R::LANES as u64).map(|i| Stream::new(first_seed + i)).collect(),
+            clocks: vec![Clock::default(); R::LANES],
+            used,
+            actions: vec![R::zero(); spec.action.size()],
+            observation: vec![R::zero(); spec.observation.size()],
+            outcome: Outcome::new(spec.reward_terms.len() + spec.metrics.len()),
+        }
+    }
+
+    /// Number of environments in use.
+    pub fn used(&self) -> usize {
+        self.used
+    }
+
+    /// First environment of the block, if any, that cannot be stepped, and why.
+    pub fn refuses_step(&self, rules: &Rules, first: usize) -> Option<Error> {
+        for (lane, clock) in self.clocks[..self.used].iter().enumerate() {
+            if !clock.begun {
+                return Some(Error::NotReset);
+            }
+            if clock.ended && rules.mode == AutoresetMode::Disabled {
+                return Some(Error::NeedsReset { index: first + lane });
+            }
+        }
+        None
+    }
+
+    /// One control step of the block; `actions` and `out` are its own rows.
+    pub fn step(&mut self, machine: &M, rules: &Rules, actions: &[f32], out: &mut StepData<'_>) {
+        dispatch(rules.isa, Step { block: self, machine, rules, actions, out });
+    }
+
+    #[inline(always)]
+    fn step_here(&mut self, machine: &M, rules: &Rules, actions: &[f32], out: &mut StepData<'_>) {
+        let spec = machine.spec();
+        let mut active = R::Mask::splat(false);
+        for lane in 0..self.used {
+            let resets = self.clocks[lane].ended && rules.mode == AutoresetMode::NextStep;
+            active.set(lane, !resets);
+        }
+        let size = self.actions.len();
+        for (j, slot) in self.actions.iter_mut().enumerate() {
+            let (low, high) = (spec.action.low[j], spec.action.high[j]);
+            for lane in 0..self.used {
+                if active.get(lane) {
+                    slot.set(lane, (actions[lane * size + j] as f64).clamp(low, high));
+                }
+            }
+        }
+        if active.any() {
+            let Block { plant, streams, actions, outcome, .. } = self;
+            machine.step(plant, actions, active, streams, outcome);
+        }
+        let mut starting = R::Mask::splat(false);
+        for lane in 0..self.used {
+            if active.get(lane) {
+                self.settle(lane, rules, out);
+                let restarts = self.clocks[lane].ended && rules.mode == AutoresetMode::SameStep;
+                starting.set(lane, restarts);
+            } else {
+                out.reward[lane] = 0.0;
+                out.terminated[lane] = false;
+                out.truncated[lane] = false;
+                out.solver_failure[lane] = false;
+                out.stepped[lane] = false;
+                self.begin(machine, lane, &M::Start::default(), out);
+            }
+            out.began[lane] = !active.get(lane);
+        }
+        let all = R::Mask::splat(true);
+        machine.observe(&mut self.plant, all, &mut self.streams, &mut self.observation);
+        self.write_rows(starting.not(), out.observation);
+        if starting.any() {
+            self.write_rows(starting, out.final_observation);
+            for lane in 0..self.used {
+                if starting.get(lane) {
+                    self.begin(machine, lane, &M::Start::default(), out);
+                    out.began[lane] = true;
+                }
+            }
+            machine.observe(&mut self.plant, starting, &mut self.streams, &mut self.observation);
+            self.write_rows(starting, out.observation);
+        }
+    }
+
+    /// Counts a step that was taken and says what came of it.
+    #[inline(always)]
+    fn settle(&mut self, lane: usize, rules: &Rules, out: &mut StepData<'_>) {
+        let clock = &mut self.clocks[lane];
+        clock.steps += 1;
+        clock.reward = self.outcome.reward.get(lane);
+        clock.episode_return += clock.reward;
+        let terminated = self.outcome.terminated.get(lane);
+        let failed = self.outcome.failed.get(lane);
+        let late = rules.max_episode_steps.is_some_and(|limit| clock.steps >= limit);
+        clock.ended = terminated || failed || late;
+        out.reward[lane] = clock.reward;
+        out.terminated[lane] = terminated;
+        out.truncated[lane] = failed || late;
+        out.solver_failure[lane] = failed;
+        out.stepped[lane] = true;
+        let size = self.outcome.terms.len();
+        for (j, term) in self.outcome.terms.iter().enumerate() {
+            out.terms[lane * size + j] = term.get(lane);
+        }
+    }
+
+    /// Starts an episode in a lane and reports its parameters.
+    fn begin(&mut self, machine: &M, lane: usize, start: &M::Start, out: &mut StepData<'_>) {
+        machine.begin(&mut self.plant, lane, &mut self.streams[lane], start);
+        self.clocks[lane] = Clock { begun: true, ..Clock::default() };
+        for slot in &mut self.actions {
+            slot.set(lane, 0.0);
+        }
+        let size = machine.spec().parameters.len();
+        let row = &mut out.parameters[lane * size..(lane + 1) * size];
+        machine.parameters(&self.plant, lane, row);
+    }
+
+    /// Starts episodes where the mask is set and writes all observations that changed.
+    pub fn reset(
+        &mut self,
+        machine: &M,
+        rows: &ResetRows<'_>,
+        seed: impl Fn(usize) -> Option<u64>,
+        start: &M::Start,
+        out: &mut StepData<'_>,
+    ) {
+        let mut starting = R::Mask::splat(false);
+        for lane in 0..self.used {
+            let chosen = rows.mask.is_none_or(|mask| mask[rows.first + lane]);
+            out.began[lane] = chosen;
+            out.stepped[lane] = false;
+            out.reward[lane] = 0.0;
+            out.terminated[lane] = false;
+            out.truncated[lane] = false;
+            out.solver_failure[lane] = false;
+            if chosen {
+                if let Some(seed) = seed(rows.first + lane) {
+                    self.streams[lane] = Stream::new(seed);
+                }
+                self.begin(machine, lane, start, out);
+                starting.set(lane, true);
+            }
+        }
+        machine.observe(&mut self.plant, starting, &mut self.streams, &mut self.observation);
+        self.write_rows(starting, out.observation);
+    }
+
+    #[inline(always)]
+    fn write_rows(&self, lanes: R::Mask, rows: &mut [f32]) {
+        for lane in 0..self.used {
+            if lanes.get(lane) {
+                self.write_rows_of(lane, rows);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn write_rows_of(&self, lane: usize, rows: &mut [f32]) {
+        let size = self.observation.len();
+        for (to, from) in rows[lane * size..(lane + 1) * size].iter_mut().zip(&self.observation) {
+            *to = from.get(lane) as f32;
+        }
+    }
+
+    /// Everything about one environment; `observation` is the last one it returned.
+    pub fn snapshot(&self, lane: usize, observation: &[f32]) -> Snapshot {
+        let mut numbers = Vec::new();
+        M::numbers(&self.plant, &mut |x| numbers.push(x.get(lane)));
+        let clock = &self.clocks[lane];
+        Snapshot {
+            numbers,
+            stream: self.streams[lane].clone(),
+            steps: clock.steps,
+            ended: clock.ended,
+            begun: clock.begun,
+            episode_return: clock.episode_return,
+            reward: clock.reward,
+            action: self.actions.iter().map(|a| a.get(lane)).collect(),
+            observation: observation.to_vec(),
+        }
+    }
+
+    /// Puts a snapshot in place of one environment.
+    pub fn restore(&mut self, lane: usize, saved: &Snapshot) -> Result<()> {
+        let mut count = 0;
+        M::numbers(&self.plant, &mut |_| count += 1);
+        let fits = saved.numbers.len() == count
+            && saved.action.len() == self.actions.len()
+            && saved.observation.len() == self.observation.len();
+        if !fits {
+            return Err(Error::snapshot("its lengths are not those of this environment"));
+        }
+        if !saved.numbers.iter().all(|x| x.is_finite()) {
+            return Err(Error::snapshot("it holds a number that is not finite"));
+        }
+        let mut next = saved.numbers.iter();
+        M::visit(&mut self.plant, &mut |x| x.set(lane, *next.next().expect("counted above")));
+        for (slot, action) in self.actions.iter_mut().zip(&saved.action) {
+            slot.set(lane, *action);
+        }
+        self.streams[lane] = saved.stream.clone();
+        self.clocks[lane] = Clock {
+            steps: saved.steps,
+            ended: saved.ended,
+            begun: saved.begun,
+            episode_return: saved.episode_return,
+            reward: saved.reward,
+        };
+        Ok(())
+    }
+
+    /// What there is to draw of one environment.
+    pub fn scene(&self, machine: &M, lane: usize) -> Scene {
+        let clock = &self.clocks[lane];
+        let mut scene = Scene {
+            machine: String::new(),
+            time: clock.steps as f64 * machine.spec().control_dt,
+            steps: clock.steps,
+            nodes: vec![],
+            thickness: vec![],
+            curvature: vec![],
+            action: self.actions.iter().map(|a| a.get(lane)).collect(),
+            reward: clock.reward,
+            episode_return: clock.episode_return,
+            values: Default::default(),
+            arrows: Default::default(),
+        };
+        machine.scene(&self.plant, lane, &mut scene);
+        scene
+    }
+
+    /// The plant, to be asked about a lane.
+    pub fn plant(&self) -> &M::Plant<R> {
+        &self.plant
+    }
+}
+
+/// A block's step as work that is compiled for each instruction set.
+struct Step<'a, 'b, M: Machine, R: Real> {
+    block: &'a mut Block<M, R>,
+    machine: &'a M,
+    rules: &'a Rules,
+    actions: &'a [f32],
+    out: &'a mut StepData<'b>,
+}
+
+impl<M: Machine, R: Real> Kernel for Step<'_, '_, M, R> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        self.block.step_here(self.machine, self.rules, self.actions, self.out);
+    }
+}

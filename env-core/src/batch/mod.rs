@@ -1,0 +1,284 @@
+//! Many environments of one kind: lanes times threads, autoreset, time limits.
+//!
+//! Environments are grouped into blocks of `R::LANES`; a block is stepped by one thread in vector
+//! instructions. An environment's results depend on its seed and actions alone, never on the batch around it.
+
+mod block;
+mod machine;
+mod pool;
+mod rows;
+
+pub use machine::{Machine, Outcome};
+
+use crate::env::{AutoresetMode, NodeState, ResetOptions, Scene, Seeds, Spec, StepData, VectorEnv};
+use crate::error::{Error, Result};
+use crate::isa::Isa;
+use crate::lane::{Lanes, Real};
+use crate::snapshot::Snapshot;
+use block::{Block, ResetRows, Rules};
+use pool::Pool;
+use rows::Rows;
+
+/// Blocks a thread must have at least, or waking it costs more than it saves.
+const BLOCKS_A_THREAD: usize = 4;
+/// Most environments of one batch.
+pub const MAX_ENVS: usize = 1 << 20;
+/// Most threads of one batch.
+pub const MAX_THREADS: usize = 256;
+
+/// A batch of environments of machine `M`, `R::LANES` to a block.
+pub struct Batch<M: Machine, R: Real> {
+    machine: M,
+    blocks: Vec<Block<M, R>>,
+    num_envs: usize,
+    rules: Rules,
+    threads: usize,
+    pool: Option<Pool>,
+    /// Last observations, row-major (n, d).
+    observation: Vec<f32>,
+}
+
+/// How to run a batch: see `registry::MakeOptions`.
+#[derive(Clone, Copy, Debug)]
+#[allow(missing_docs, reason = "fields are those of MakeOptions")]
+pub struct BatchOptions {
+    pub num_envs: usize,
+    pub autoreset_mode: AutoresetMode,
+    pub max_episode_steps: Option<u32>,
+    pub num_threads: usize,
+}
+
+/// Makes a batch with the number of lanes that suits its size and the machine.
+pub fn make<M: Machine>(machine: M, options: &BatchOptions) -> Result<Box<dyn VectorEnv>> {
+    check_count("num_envs", options.num_envs, MAX_ENVS)?;
+    check_count("num_threads", options.num_threads, MAX_THREADS)?;
+    if options.max_episode_steps == Some(0) {
+        return Err(Error::parameter("max_episode_steps", 0, "at least 1"));
+    }
+    let isa = Isa::current();
+    Ok(if options.num_envs == 1 {
+        Box::new(Batch::<M, f64>::new(machine, options, Isa::Baseline))
+    } else {
+        Box::new(Batch::<M, Lanes<8>>::new(machine, options, isa))
+    })
+}
+
+fn check_count(name: &str, value: usize, most: usize) -> Result<()> {
+    if (1..=most).contains(&value) {
+        return Ok(());
+    }
+    Err(Error::parameter(name, value, format!("an integer from 1 to {most}")))
+}
+
+impl<M: Machine, R: Real> Batch<M, R> {
+    /// A batch whose blocks use the given instruction set; options are taken as checked.
+    pub fn new(machine: M, options: &BatchOptions, isa: Isa) -> Self {
+        let n = options.num_envs;
+        let blocks = (0..n)
+            .step_by(R::LANES)
+            .map(|first| Block::new(&machine, R::LANES.min(n - first), first as u64))
+            .collect();
+        let size = machine.spec().observation.size();
+        Batch {
+            machine,
+            blocks,
+            num_envs: n,
+            rules: Rules {
+                mode: options.autoreset_mode,
+                max_episode_steps: options.max_episode_steps,
+                isa,
+            },
+            threads: options.num_threads,
+            pool: None,
+            observation: vec![0.0; n * size],
+        }
+    }
+
+    fn place(&self, index: usize) -> Result<(usize, usize)> {
+        if index >= self.num_envs {
+            return Err(Error::Index { index, num_envs: self.num_envs });
+        }
+        Ok((index / R::LANES, index % R::LANES))
+    }
+
+    fn check_lengths(&self, out: &StepData<'_>) -> Result<()> {
+        let spec = self.machine.spec();
+        let (n, d) = (self.num_envs, spec.observation.size());
+        let k = spec.reward_terms.len() + spec.metrics.len();
+        let lengths = [
+            ("observation", out.observation.len(), n * d),
+            ("reward", out.reward.len(), n),
+            ("terminated", out.terminated.len(), n),
+            ("truncated", out.truncated.len(), n),
+            ("final_observation", out.final_observation.len(), n * d),
+            ("terms", out.terms.len(), n * k),
+            ("parameters", out.parameters.len(), n * spec.parameters.len()),
+            ("stepped", out.stepped.len(), n),
+            ("began", out.began.len(), n),
+            ("solver_failure", out.solver_failure.len(), n),
+        ];
+        for (name, got, expected) in lengths {
+            check_length(name, got, expected)?;
+        }
+        Ok(())
+    }
+
+    /// Threads that a step really uses.
+    fn useful_threads(&self) -> usize {
+        self.threads.min(self.blocks.len() / BLOCKS_A_THREAD).max(1)
+    }
+}
+
+/// The pool, built or rebuilt where needed.
+fn ensure_pool(pool: &mut Option<Pool>, threads: usize) -> Result<&Pool> {
+    if !pool.as_ref().is_some_and(|pool| pool.is_alive() && pool.threads() == threads) {
+        *pool = Some(Pool::new(threads).map_err(|error| {
+            Error::parameter("num_threads", threads, format!("what the system allows ({error})"))
+        })?);
+    }
+    Ok(pool.as_ref().expect("made above"))
+}
+
+fn check_length(name: &str, got: usize, expected: usize) -> Result<()> {
+    if got == expected {
+        return Ok(());
+    }
+    Err(Error::Shape {
+        name: name.into(),
+        got: format!("({got},)"),
+        expected: format!("({expected},)"),
+    })
+}
+
+impl<M: Machine, R: Real> VectorEnv for Batch<M, R> {
+    fn spec(&self) -> &Spec {
+        self.machine.spec()
+    }
+
+    fn num_envs(&self) -> usize {
+        self.num_envs
+    }
+
+    fn autoreset_mode(&self) -> AutoresetMode {
+        self.rules.mode
+    }
+
+    fn max_episode_steps(&self) -> Option<u32> {
+        self.rules.max_episode_steps
+    }
+
+    fn num_threads(&self) -> usize {
+        self.threads
+    }
+
+    fn set_num_threads(&mut self, threads: usize) -> Result<()> {
+        check_count("num_threads", threads, MAX_THREADS)?;
+        self.threads = threads;
+        Ok(())
+    }
+
+    fn reset(
+        &mut self,
+        seeds: &Seeds,
+        mask: Option<&[bool]>,
+        options: &ResetOptions,
+        mut out: StepData<'_>,
+    ) -> Result<()> {
+        self.check_lengths(&out)?;
+        if let Some(mask) = mask {
+            check_length("reset_mask", mask.len(), self.num_envs)?;
+        }
+        if let Seeds::Each(each) = seeds {
+            check_length("seed", each.len(), self.num_envs)?;
+        }
+        let start = self.machine.check(options)?;
+        let seed = |index: usize| match seeds {
+            Seeds::Continue => None,
+            Seeds::Base(base) => Some(base.wrapping_add(index as u64)),
+            Seeds::Each(each) => each[index],
+        };
+        out.observation.copy_from_slice(&self.observation);
+        let rows = Rows::new(self.spec(), &mut out);
+        for (b, block) in self.blocks.iter_mut().enumerate() {
+            let first = b * R::LANES;
+            // SAFETY: `out` is borrowed for as long as `rows` is used, one block at a time.
+            let mut mine = unsafe { rows.of(first, block.used()) };
+            let place = ResetRows { first, mask };
+            block.reset(&self.machine, &place, seed, &start, &mut mine);
+        }
+        self.observation.copy_from_slice(out.observation);
+        Ok(())
+    }
+
+    fn step(&mut self, actions: &[f32], mut out: StepData<'_>) -> Result<()> {
+        self.check_lengths(&out)?;
+        let size = self.machine.spec().action.size();
+        check_length("action", actions.len(), self.num_envs * size)?;
+        if let Some(at) = actions.iter().position(|a| !a.is_finite()) {
+            return Err(Error::Action { index: at / size, value: actions[at] as f64 });
+        }
+        for (b, block) in self.blocks.iter().enumerate() {
+            if let Some(error) = block.refuses_step(&self.rules, b * R::LANES) {
+                return Err(error);
+            }
+        }
+        let threads = self.useful_threads();
+        let rows = Rows::new(self.spec(), &mut out);
+        let (machine, rules) = (&self.machine, &self.rules);
+        let step = |b: usize, block: &mut Block<M, R>| {
+            let (first, count) = (b * R::LANES, block.used());
+            // SAFETY: `out` is borrowed for as long as `rows` is used, and each block is stepped by one
+            // thread, so nobody else holds these rows.
+            let mut mine = unsafe { rows.of(first, count) };
+            block.step(machine, rules, &actions[first * size..(first + count) * size], &mut mine);
+        };
+        if threads == 1 {
+            self.blocks.iter_mut().enumerate().for_each(|(b, block)| step(b, block));
+        } else {
+            ensure_pool(&mut self.pool, threads)?.share(&mut self.blocks, step);
+        }
+        self.observation.copy_from_slice(out.observation);
+        Ok(())
+    }
+
+    fn get_state(&self, index: usize) -> Result<Vec<u8>> {
+        let (block, lane) = self.place(index)?;
+        let size = self.spec().observation.size();
+        let observation = &self.observation[index * size..(index + 1) * size];
+        Ok(self.blocks[block].snapshot(lane, observation).encode(self.spec()))
+    }
+
+    fn set_state(&mut self, index: usize, bytes: &[u8]) -> Result<()> {
+        let (block, lane) = self.place(index)?;
+        let saved = Snapshot::decode(bytes, self.machine.spec())?;
+        self.blocks[block].restore(lane, &saved)?;
+        let size = saved.observation.len();
+        self.observation[index * size..(index + 1) * size].copy_from_slice(&saved.observation);
+        Ok(())
+    }
+
+    fn observe(&self, index: usize, out: &mut [f32]) -> Result<()> {
+        self.place(index)?;
+        let size = self.spec().observation.size();
+        check_length("observation", out.len(), size)?;
+        out.copy_from_slice(&self.observation[index * size..(index + 1) * size]);
+        Ok(())
+    }
+
+    fn scene(&self, index: usize) -> Result<Scene> {
+        let (block, lane) = self.place(index)?;
+        Ok(self.blocks[block].scene(&self.machine, lane))
+    }
+
+    fn parameters(&self, index: usize) -> Result<Vec<f64>> {
+        let (block, lane) = self.place(index)?;
+        let mut values = vec![0.0; self.spec().parameters.len()];
+        self.machine.parameters(self.blocks[block].plant(), lane, &mut values);
+        Ok(values)
+    }
+
+    fn nodes(&self, index: usize) -> Result<NodeState> {
+        let (block, lane) = self.place(index)?;
+        Ok(self.machine.nodes(self.blocks[block].plant(), lane))
+    }
+}

@@ -1,0 +1,364 @@
+//! The fin in its water, in lanes: what it is made of and how it moves now.
+
+use super::geometry::Geometry;
+use super::parameters::Parameters;
+use super::step::Workspace;
+use crate::error::{Error, Result};
+use crate::fluid::{Hydrodynamics, Water};
+use crate::lane::Real;
+use crate::rod::Rod;
+use crate::vec2::Vec2;
+use std::sync::Arc;
+
+/// How the fin is stepped in time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scheme {
+    /// First order, as the thesis (2.26).
+    BackwardEuler,
+    /// Second-order backward differences, started by one step of backward Euler.
+    Bdf2,
+}
+
+/// What is the same for every fin of a batch.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Design {
+    /// Shape.
+    pub geometry: Geometry,
+    /// Forces of the water.
+    pub hydrodynamics: Hydrodynamics,
+    /// Time stepping.
+    pub scheme: Scheme,
+    /// Duration of a physics step \[s\].
+    pub physics_dt: f64,
+    /// Whether the pivot is free along x and pushes a hull, instead of being held.
+    pub free_swimming: bool,
+}
+
+impl Design {
+    /// Refuses what cannot be stepped.
+    ///
+    /// # Errors
+    /// A bad geometry, or a step that is not in (0, 0.04] seconds.
+    pub fn check(&self) -> Result<()> {
+        self.geometry.check()?;
+        if !(self.physics_dt > 0.0 && self.physics_dt <= 0.04) {
+            return Err(Error::parameter("physics_dt", self.physics_dt, "in (0, 0.04] s"));
+        }
+        Ok(())
+    }
+}
+
+/// One vector a node.
+type Vectors = Vec<Vec2<f64>>;
+
+impl Design {
+    /// Takes positions \[m\] and velocities \[m/s\] of the nodes as vectors.
+    ///
+    /// # Errors
+    /// Wrong shapes or numbers that are not finite.
+    pub fn check_nodes(&self, x: &[[f64; 2]], v: &[[f64; 2]]) -> Result<(Vectors, Vectors)> {
+        let nodes = self.geometry.nodes();
+        for (name, array) in [("positions", x), ("velocities", v)] {
+            if array.len() != nodes {
+                let (got, expected) = (format!("({}, 2)", array.len()), format!("({nodes}, 2)"));
+                return Err(Error::Shape { name: name.into(), got, expected });
+            }
+            if let Some(bad) = array.iter().flatten().find(|value| !value.is_finite()) {
+                return Err(Error::parameter(name, bad, "finite"));
+            }
+        }
+        let vectors = |a: &[[f64; 2]]| a.iter().map(|p| Vec2::new(p[0], p[1])).collect();
+        Ok((vectors(x), vectors(v)))
+    }
+
+    /// The same for a motion that the drive can hold, with the pitch of its driven edge \[rad\].
+    ///
+    /// # Errors
+    /// Beside those of `check_nodes`: two nodes in one place, a pivot away from the origin (unless swimming
+    /// freely, along y = 0), or a driven edge whose length is off the rest length by more than 1e-6 of it.
+    pub fn check_motion(&self, x: &[[f64; 2]], v: &[[f64; 2]]) -> Result<(Vectors, Vectors, f64)> {
+        let (x, v) = self.check_nodes(x, v)?;
+        let (pivot, driven) = (x[self.geometry.pivot], x[self.geometry.pivot + 1]);
+        if pivot.y != 0.0 || (pivot.x != 0.0 && !self.free_swimming) {
+            let allowed =
+                if self.free_swimming { "on y = 0" } else { "the origin, where it is held" };
+            let name = format!("positions[{}]", self.geometry.pivot);
+            return Err(Error::parameter(name, format!("({}, {})", pivot.x, pivot.y), allowed));
+        }
+        if x.windows(2).any(|pair| (pair[1] - pair[0]).dot(pair[1] - pair[0]) == 0.0) {
+            return Err(Error::parameter("positions", "two neighbours in one place", "distinct"));
+        }
+        let edge = driven - pivot;
+        let length = libm::hypot(edge.x, edge.y);
+        if (length / self.geometry.edge_length - 1.0).abs() > 1e-6 {
+            let allowed = format!("{} m, the rest length", self.geometry.edge_length);
+            return Err(Error::parameter("length of the driven edge", length, allowed));
+        }
+        Ok((x, v, libm::atan2(edge.y, edge.x)))
+    }
+}
+
+/// Positions, velocities and water momentum of all nodes at one instant.
+#[derive(Clone, Debug, Default)]
+pub struct Instant<R> {
+    /// Positions \[m\].
+    pub x: Vec<Vec2<R>>,
+    /// Velocities \[m/s\].
+    pub v: Vec<Vec2<R>>,
+    /// Momentum of the water that moves with each node, p_f \[kg m/s\].
+    pub p: Vec<Vec2<R>>,
+}
+
+impl<R: Real> Instant<R> {
+    /// Memory for `nodes` nodes.
+    pub fn new(nodes: usize) -> Self {
+        let zeros = || vec![Vec2::zero(); nodes];
+        Instant { x: zeros(), v: zeros(), p: zeros() }
+    }
+
+    /// Calls `f` with every number, always in the same order.
+    pub fn visit(&mut self, f: &mut dyn FnMut(&mut R)) {
+        for node in self.x.iter_mut().chain(&mut self.v).chain(&mut self.p) {
+            f(&mut node.x);
+            f(&mut node.y);
+        }
+    }
+
+    /// Takes the numbers of `other` where the mask is set.
+    #[inline(always)]
+    pub fn take(&mut self, mask: R::Mask, other: &Instant<R>) {
+        let columns = [(&mut self.x, &other.x), (&mut self.v, &other.v), (&mut self.p, &other.p)];
+        for (to, from) in columns {
+            for (a, b) in to.iter_mut().zip(from) {
+                *a = Vec2::select(mask, *b, *a);
+            }
+        }
+    }
+}
+
+/// Forces and power at the end of a physics step, or their means over several.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Loads<R> {
+    /// Force of the water on the fin along -x, momentum of the moved water included \[N\].
+    pub thrust: R,
+    /// The part that cannot be taken back: momentum shed at the tail and resistive forces, along -x \[N\].
+    pub shed_thrust: R,
+    /// The resistive part alone, along -x \[N\].
+    pub resistive_thrust: R,
+    /// Force of the fin on its mount along -x \[N\]: what a load cell shows.
+    pub mount_thrust: R,
+    /// Torque of the servo about the pivot, counter-clockwise \[N m\].
+    pub torque: R,
+    /// Power of the servo \[W\].
+    pub power: R,
+    /// Power of the servo where it is positive, else 0 \[W\].
+    pub positive_power: R,
+}
+
+impl<R: Real> Loads<R> {
+    /// Calls `f` with every number, always in the same order.
+    pub fn visit(&mut self, f: &mut dyn FnMut(&mut R)) {
+        for number in [
+            &mut self.thrust,
+            &mut self.shed_thrust,
+            &mut self.resistive_thrust,
+            &mut self.mount_thrust,
+            &mut self.torque,
+            &mut self.power,
+            &mut self.positive_power,
+        ] {
+            f(number);
+        }
+    }
+
+    /// Adds `weight` times other loads.
+    #[inline(always)]
+    pub fn add(&mut self, weight: R, other: &Loads<R>) {
+        self.thrust += weight * other.thrust;
+        self.shed_thrust += weight * other.shed_thrust;
+        self.resistive_thrust += weight * other.resistive_thrust;
+        self.mount_thrust += weight * other.mount_thrust;
+        self.torque += weight * other.torque;
+        self.power += weight * other.power;
+        self.positive_power += weight * other.positive_power;
+    }
+
+    /// `yes` where the mask is set, `no` elsewhere.
+    #[inline(always)]
+    pub fn select(mask: R::Mask, yes: &Loads<R>, no: &Loads<R>) -> Loads<R> {
+        let pick = |a, b| R::select(mask, a, b);
+        Loads {
+            thrust: pick(yes.thrust, no.thrust),
+            shed_thrust: pick(yes.shed_thrust, no.shed_thrust),
+            resistive_thrust: pick(yes.resistive_thrust, no.resistive_thrust),
+            mount_thrust: pick(yes.mount_thrust, no.mount_thrust),
+            torque: pick(yes.torque, no.torque),
+            power: pick(yes.power, no.power),
+            positive_power: pick(yes.positive_power, no.positive_power),
+        }
+    }
+}
+
+/// One fin, or several side by side.
+#[derive(Clone, Debug)]
+pub struct Plant<R> {
+    /// What all lanes share.
+    pub design: Arc<Design>,
+    /// Masses and stiffness.
+    pub rod: Rod<R>,
+    /// Coefficients of the water.
+    pub water: Water<R>,
+    /// Wetted perimeter of each edge \[m\].
+    pub perimeter: Arc<[f64]>,
+    /// Mass of the hull \[kg\].
+    pub hull_mass: R,
+    /// `rho_f C_D S / 2` of the hull \[kg/m\].
+    pub hull_drag: R,
+    /// The motion now.
+    pub now: Instant<R>,
+    /// The motion one physics step earlier; of no meaning while `history` is 0.
+    pub before: Instant<R>,
+    /// 1 where `before` is there, 0 where an episode has just begun.
+    pub history: R,
+    /// Pitch of the driven edge \[rad\].
+    pub pitch: R,
+    /// Forces at the end of the last physics step.
+    pub loads: Loads<R>,
+    pub(super) work: Workspace<R>,
+}
+
+impl<R: Real> Plant<R> {
+    /// Fins of this design, straight and at rest, with the default parameters in every lane.
+    ///
+    /// # Errors
+    /// Those of `Design::check`.
+    pub fn new(design: Design) -> Result<Self> {
+        design.check()?;
+        let nodes = design.geometry.nodes();
+        let perimeter = design.geometry.perimeters().into();
+        let mut plant = Plant {
+            design: Arc::new(design),
+            rod: Rod::new(nodes),
+            water: Water::default(),
+            perimeter,
+            hull_mass: R::one(),
+            hull_drag: R::zero(),
+            now: Instant::new(nodes),
+            before: Instant::new(nodes),
+            history: R::zero(),
+            pitch: R::zero(),
+            loads: Loads::default(),
+            work: Workspace::new(nodes),
+        };
+        for lane in 0..R::LANES {
+            plant.begin(lane, &Parameters::default(), 0.0);
+        }
+        Ok(plant)
+    }
+
+    /// Number of nodes.
+    pub fn nodes(&self) -> usize {
+        self.now.x.len()
+    }
+
+    /// Puts new parameters into one lane; the motion stays.
+    pub fn set_parameters(&mut self, lane: usize, parameters: &Parameters) {
+        self.rod.set_lane(lane, &self.design.geometry.rod(parameters));
+        let water = parameters.water(&self.design.geometry);
+        self.water.added_mass.set(lane, water.added_mass);
+        self.water.drag.set(lane, water.drag);
+        self.water.friction.set(lane, water.friction);
+        // A free swimmer moves through water at rest.
+        let flow = if self.design.free_swimming { 0.0 } else { water.flow_speed };
+        self.water.flow_speed.set(lane, flow);
+        self.hull_mass.set(lane, parameters.hull_mass);
+        let drag = 0.5 * super::parameters::WATER_DENSITY * parameters.hull_drag_area;
+        self.hull_drag.set(lane, drag);
+    }
+
+    /// Begins an episode in one lane: a straight fin at rest at this pitch \[rad\].
+    pub fn begin(&mut self, lane: usize, parameters: &Parameters, pitch: f64) {
+        self.set_parameters(lane, parameters);
+        let geometry = &self.design.geometry;
+        let (sine, cosine) = (libm::sin(pitch), libm::cos(pitch));
+        let place = |i: usize| {
+            let s = (i as f64 - geometry.pivot as f64) * geometry.edge_length;
+            Vec2::new(s * cosine, s * sine)
+        };
+        let positions: Vec<Vec2<f64>> = (0..self.now.x.len()).map(place).collect();
+        let velocities = vec![Vec2::zero(); positions.len()];
+        self.set_motion(lane, &positions, &velocities, pitch);
+    }
+
+    /// Puts a motion into one lane, as if the fin had just been placed there; the water's momentum follows.
+    pub fn set_motion(
+        &mut self,
+        lane: usize,
+        positions: &[Vec2<f64>],
+        velocities: &[Vec2<f64>],
+        pitch: f64,
+    ) {
+        for i in 0..positions.len() {
+            self.now.x[i].set_lane(lane, positions[i]);
+            self.now.v[i].set_lane(lane, velocities[i]);
+        }
+        let mut momentum = std::mem::take(&mut self.work.momentum);
+        self.water_momentum(&self.now.x, &self.now.v, &mut momentum);
+        for (p, q) in self.now.p.iter_mut().zip(&momentum) {
+            p.set_lane(lane, q.lane(lane));
+        }
+        self.work.momentum = momentum;
+        // `before` is kept finite although it is not read, so that snapshots of equal states are equal.
+        for i in 0..positions.len() {
+            self.before.x[i].set_lane(lane, self.now.x[i].lane(lane));
+            self.before.v[i].set_lane(lane, self.now.v[i].lane(lane));
+            self.before.p[i].set_lane(lane, self.now.p[i].lane(lane));
+        }
+        self.history.set(lane, 0.0);
+        self.pitch.set(lane, pitch);
+        self.loads.visit(&mut |x| x.set(lane, 0.0));
+    }
+
+    /// Calls `f` with every number that the future depends on, always in the same order.
+    pub fn visit(&mut self, f: &mut dyn FnMut(&mut R)) {
+        self.rod.visit(f);
+        let water = &mut self.water;
+        let coefficients =
+            [&mut water.added_mass, &mut water.drag, &mut water.friction, &mut water.flow_speed];
+        coefficients.into_iter().for_each(&mut *f);
+        f(&mut self.hull_mass);
+        f(&mut self.hull_drag);
+        self.now.visit(f);
+        self.before.visit(f);
+        f(&mut self.history);
+        f(&mut self.pitch);
+        self.loads.visit(f);
+    }
+
+    /// Copies one lane out.
+    pub fn lane(&self, lane: usize) -> Plant<f64> {
+        let instant = |from: &Instant<R>| {
+            let pick = |v: &[Vec2<R>]| v.iter().map(|p| p.lane(lane)).collect();
+            Instant { x: pick(&from.x), v: pick(&from.v), p: pick(&from.p) }
+        };
+        Plant {
+            design: self.design.clone(),
+            rod: self.rod.lane(lane),
+            water: Water {
+                added_mass: self.water.added_mass.get(lane),
+                drag: self.water.drag.get(lane),
+                friction: self.water.friction.get(lane),
+                flow_speed: self.water.flow_speed.get(lane),
+            },
+            perimeter: self.perimeter.clone(),
+            hull_mass: self.hull_mass.get(lane),
+            hull_drag: self.hull_drag.get(lane),
+            now: instant(&self.now),
+            before: instant(&self.before),
+            history: self.history.get(lane),
+            pitch: self.pitch.get(lane),
+            loads: Loads::default(),
+            work: Workspace::new(self.nodes()),
+        }
+    }
+}

@@ -1,0 +1,216 @@
+//! The fin on its rig, in lanes: servo, command, and what is measured over control steps.
+
+use super::config::Config;
+use super::parameters::Parameters;
+use super::plant::{Loads, Plant};
+use super::servo::Servo;
+use crate::lane::{Mask, Real};
+use crate::seed::Stream;
+use crate::vec2::Vec2;
+
+/// Positions and velocities of the nodes, and the pitch.
+type Motion = (Vec<Vec2<f64>>, Vec<Vec2<f64>>, f64);
+
+/// How an episode begins, where not drawn.
+#[derive(Clone, Debug, Default)]
+pub struct Start {
+    /// Exact parameters, in the order of the table.
+    pub parameters: Vec<Option<f64>>,
+    /// Exact positions, velocities and pitch.
+    pub motion: Option<Motion>,
+}
+
+/// Time constant of the smoothed thrust \[s\].
+pub const SMOOTHING: f64 = 0.5;
+
+/// Frequency of the pitch and width of the wake, taken from the last full period of the command.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Stroke<R> {
+    /// Time since the last upward crossing of zero pitch \[s\].
+    since: R,
+    /// 1 once there has been a crossing.
+    started: R,
+    /// Largest and smallest y of the tail since then \[m\].
+    high: R,
+    low: R,
+    /// Frequency of the last full period \[Hz\], 0 before there is one.
+    pub frequency: R,
+    /// Peak-to-peak travel of the tail in it \[m\].
+    pub width: R,
+}
+
+/// A fin, its servo and its measurements.
+#[derive(Clone, Debug)]
+pub struct Rig<R: Real> {
+    /// Parameters, in the order of the table.
+    pub parameters: [R; Parameters::COUNT],
+    /// The fin in its water.
+    pub fin: Plant<R>,
+    /// The servo.
+    pub servo: Servo<R>,
+    /// Commands in [-1, 1], the newest first, as many as the delay reaches back.
+    pub commands: Vec<R>,
+    /// Mean forces and power of the last control step.
+    pub mean: Loads<R>,
+    /// Shed thrust smoothed over `SMOOTHING` \[N\].
+    pub smooth_thrust: R,
+    /// Demanded thrust \[N\].
+    pub demand: R,
+    /// Impulse of the thrust since the episode began \[N s\].
+    pub impulse: R,
+    /// Work of the servo since the episode began \[J\].
+    pub work: R,
+    /// Mean forward speed of the hull over the last control step, along -x \[m/s\].
+    pub speed: R,
+    /// Frequency and wake.
+    pub stroke: Stroke<R>,
+}
+
+impl<R: Real> Rig<R> {
+    /// All lanes straight and at rest, with the first value of each parameter's range.
+    pub fn new(config: &Config) -> Self {
+        let fin = Plant::new(config.design.clone()).expect("checked with the configuration");
+        let mut rig = Rig {
+            parameters: [R::zero(); Parameters::COUNT],
+            fin,
+            servo: Servo::default(),
+            commands: vec![R::zero(); config.delay / config.substeps + 2],
+            mean: Loads::default(),
+            smooth_thrust: R::zero(),
+            demand: R::splat(config.demand.0),
+            impulse: R::zero(),
+            work: R::zero(),
+            speed: R::zero(),
+            stroke: Stroke::default(),
+        };
+        for lane in 0..R::LANES {
+            for (parameter, draw) in rig.parameters.iter_mut().zip(&config.draws) {
+                parameter.set(lane, draw.bounds().0);
+            }
+            rig.fin.begin(lane, &rig.parameters_of(lane), 0.0);
+        }
+        rig
+    }
+
+    fn parameters_of(&self, lane: usize) -> Parameters {
+        let mut parameters = Parameters::default();
+        for (i, value) in self.parameters.iter().enumerate() {
+            parameters.set(i, value.get(lane)).expect("drawn within the table's range");
+        }
+        parameters
+    }
+
+    /// Draws and sets the start of an episode: parameters in the table's order, pitch, demand.
+    pub fn begin(&mut self, config: &Config, lane: usize, stream: &mut Stream, start: &Start) {
+        for (i, draw) in config.draws.iter().enumerate() {
+            let drawn = draw.draw(stream);
+            let value = start.parameters.get(i).copied().flatten().unwrap_or(drawn);
+            self.parameters[i].set(lane, value);
+        }
+        let mut pitch = stream.uniform(config.start_pitch.0, config.start_pitch.1);
+        let demand = stream.uniform(config.demand.0, config.demand.1);
+        let parameters = self.parameters_of(lane);
+        self.fin.begin(lane, &parameters, pitch);
+        let mut rate = 0.0;
+        if let Some((x, v, angle)) = &start.motion {
+            self.fin.set_motion(lane, x, v, *angle);
+            pitch = *angle;
+            let pivot = config.design.geometry.pivot;
+            let (e, de) = (x[pivot + 1] - x[pivot], v[pivot + 1] - v[pivot]);
+            rate = e.cross(de) / e.dot(e);
+        }
+        self.measurements(&mut |x| x.set(lane, 0.0));
+        self.demand.set(lane, demand);
+        self.servo.angle.set(lane, pitch);
+        self.servo.rate.set(lane, rate);
+        // The servo stands still until it is told otherwise.
+        let command = (pitch / config.pitch_limit).clamp(-1.0, 1.0);
+        self.commands.iter_mut().for_each(|c| c.set(lane, command));
+    }
+
+    /// Calls `f` with every number that is not the fin's own motion.
+    fn measurements(&mut self, f: &mut dyn FnMut(&mut R)) {
+        self.servo.visit(f);
+        self.commands.iter_mut().for_each(&mut *f);
+        self.mean.visit(f);
+        let stroke = &mut self.stroke;
+        for number in [
+            &mut self.smooth_thrust,
+            &mut self.demand,
+            &mut self.impulse,
+            &mut self.work,
+            &mut self.speed,
+            &mut stroke.since,
+            &mut stroke.started,
+            &mut stroke.high,
+            &mut stroke.low,
+            &mut stroke.frequency,
+            &mut stroke.width,
+        ] {
+            f(number);
+        }
+    }
+
+    /// Calls `f` with every number that the future depends on.
+    pub fn visit(&mut self, f: &mut dyn FnMut(&mut R)) {
+        self.parameters.iter_mut().for_each(&mut *f);
+        self.fin.visit(f);
+        self.measurements(f);
+    }
+
+    /// One control step under an action in [-1, 1]. Returns where the solver succeeded.
+    #[inline(always)]
+    pub fn control_step(&mut self, config: &Config, action: R) -> R::Mask {
+        for i in (1..self.commands.len()).rev() {
+            self.commands[i] = self.commands[i - 1];
+        }
+        let limit = config.action_rate_limit;
+        self.commands[0] = self.commands[1] + (action - self.commands[1]).clip(-limit, limit);
+        let (old, part) = (config.delay / config.substeps, config.delay % config.substeps);
+        let dt = config.design.physics_dt;
+        let ticks = Servo::<R>::ticks(dt);
+        let scale = R::splat(config.pitch_limit);
+        let share = R::splat(1.0 / config.substeps as f64);
+        let before = self.fin.now.x[config.design.geometry.pivot].x;
+        let mut sound = R::Mask::splat(true);
+        self.mean = Loads::default();
+        for step in 0..config.substeps {
+            // During the first part of the step the command before is still on its way.
+            let command = self.commands[if step < part { old + 1 } else { old }];
+            let pitch = self.servo.angle;
+            self.servo.advance(command * scale, dt, ticks);
+            sound = sound.and(self.fin.step(self.servo.angle));
+            let loads = self.fin.loads;
+            self.mean.add(share, &loads);
+            self.follow_stroke(pitch, dt);
+        }
+        let after = self.fin.now.x[config.design.geometry.pivot].x;
+        self.speed = (before - after) * R::splat(1.0 / config.control_dt);
+        let duration = R::splat(config.control_dt);
+        self.impulse += self.mean.thrust * duration;
+        self.work += self.mean.power * duration;
+        let forget = R::splat(config.control_dt / (SMOOTHING + config.control_dt));
+        self.smooth_thrust += forget * (self.mean.shed_thrust - self.smooth_thrust);
+        sound
+    }
+
+    /// Follows tail and pitch through one physics step that started at the given pitch.
+    #[inline(always)]
+    fn follow_stroke(&mut self, before: R, dt: f64) {
+        let zero = R::zero();
+        let tail = self.fin.now.x[self.fin.nodes() - 1].y;
+        let now = self.servo.angle;
+        let stroke = &mut self.stroke;
+        let crossed = before.lt(zero).and(now.lt(zero).not());
+        // Linear interpolation of the crossing within the step.
+        let rest = R::splat(dt) * R::select(crossed, now / (now - before), zero);
+        let period = stroke.since + R::splat(dt) - rest;
+        let counted = crossed.and(zero.lt(stroke.started)).and(zero.lt(period));
+        stroke.frequency = R::select(counted, R::one() / period, stroke.frequency);
+        stroke.width = R::select(counted, stroke.high - stroke.low, stroke.width);
+        stroke.since = R::select(crossed, rest, stroke.since + R::splat(dt));
+        stroke.started = R::select(crossed, R::one(), stroke.started);
+        stroke.high = R::select(crossed, tail, stroke.high.max(tail));
+        stroke.low = R::select(crossed, tail, stroke.low.min(tail));
+    }
+}

@@ -1,0 +1,124 @@
+//! What the agent sees of the fin, with noise.
+
+use super::config::{Config, Sensors, Task};
+use super::rig::Rig;
+use super::servo::RATE_LIMIT;
+use crate::env::Space;
+use crate::lane::{Mask, Real};
+use crate::seed::Stream;
+
+/// Unit of the observed pitch and turning angles \[rad\].
+pub const ANGLE_UNIT: f64 = 0.5;
+/// Unit of the observed turning rates \[rad/s\].
+pub const RATE_UNIT: f64 = 5.0;
+/// Unit of the observed thrust \[N\].
+pub const THRUST_UNIT: f64 = 0.5;
+/// Unit of the observed torque \[N m\].
+pub const TORQUE_UNIT: f64 = 0.1;
+/// Unit of the observed hull speed \[m/s\].
+pub const SPEED_UNIT: f64 = 0.5;
+/// Observations are clipped to this many units.
+pub const BOUND: f64 = 10.0;
+
+/// The observation space.
+pub fn space(config: &Config) -> Space {
+    let mut space = Space::new();
+    let nodes = config.design.geometry.nodes();
+    let mut bounded = |name: String| space.push(-BOUND, BOUND, name);
+    match config.sensors {
+        Sensors::Full => {
+            bounded("pitch / 0.5 rad".into());
+            bounded(format!("pitch rate / {RATE_LIMIT} rad/s"));
+            bounded("last command".into());
+            (2..nodes).for_each(|i| bounded(format!("turning angle at node {i} / 0.5 rad")));
+            (2..nodes).for_each(|i| bounded(format!("turning rate at node {i} / 5 rad/s")));
+            bounded("mean thrust of the last step / 0.5 N".into());
+            bounded("mean torque of the last step / 0.1 N m".into());
+        }
+        Sensors::Camera => {
+            bounded("last command".into());
+            (1..=nodes).for_each(|i| bounded(format!("y of node {i} / edge length")));
+        }
+    }
+    match config.task {
+        Task::Thrust => {}
+        Task::Efficiency => {
+            bounded("demanded thrust / 0.5 N".into());
+            bounded("thrust smoothed over 0.5 s / 0.5 N".into());
+        }
+        Task::Swim => bounded("hull speed / 0.5 m/s".into()),
+    }
+    space
+}
+
+/// Writes the observation of all lanes; draws noise where `lanes` is set, an angle and then a rate for
+/// the servo and for each turning angle (camera: a sideways position a node, angle noise times edge length).
+#[inline(always)]
+pub fn observe<R: Real>(
+    config: &Config,
+    rig: &Rig<R>,
+    lanes: R::Mask,
+    streams: &mut [Stream],
+    observation: &mut [R],
+) {
+    let [angle_noise, rate_noise] = config.noise;
+    let mut noise = |deviation: f64| {
+        if deviation == 0.0 {
+            return R::zero();
+        }
+        R::from_fn(|lane| if lanes.get(lane) { deviation * streams[lane].normal() } else { 0.0 })
+    };
+    let mut at = 0;
+    let mut put = |value: R, unit: f64| {
+        observation[at] = (value * R::splat(1.0 / unit)).clip(-BOUND, BOUND);
+        at += 1;
+    };
+    let (x, v) = (&rig.fin.now.x, &rig.fin.now.v);
+    match config.sensors {
+        Sensors::Full => {
+            put(rig.servo.angle + noise(angle_noise), ANGLE_UNIT);
+            put(rig.servo.rate + noise(rate_noise), RATE_LIMIT);
+            put(rig.commands[0], 1.0);
+            // Tangent of half the turning angle is what the rod knows; the angle itself is what one reads.
+            let tangent = |k: usize| {
+                let e = x[k + 1] - x[k];
+                let inverse = R::one() / e.dot(e).sqrt();
+                let t = e.scale(inverse);
+                (t, t.cross(v[k + 1] - v[k]) * inverse)
+            };
+            let last = x.len() - 1;
+            let mut before = tangent(0).0;
+            for k in 1..last {
+                let after = tangent(k).0;
+                let (cosine, sine) = (before.dot(after), before.cross(after));
+                let half = sine / (R::one() + cosine);
+                let angle = half.map(libm::atan);
+                put(angle + angle + noise(angle_noise), ANGLE_UNIT);
+                before = after;
+            }
+            let mut before = tangent(0).1;
+            for k in 1..last {
+                let after = tangent(k).1;
+                put(after - before + noise(rate_noise), RATE_UNIT);
+                before = after;
+            }
+            put(rig.mean.thrust, THRUST_UNIT);
+            put(rig.mean.torque, TORQUE_UNIT);
+        }
+        Sensors::Camera => {
+            put(rig.commands[0], 1.0);
+            let edge = config.design.geometry.edge_length;
+            for node in x {
+                put(node.y + noise(angle_noise * edge), edge);
+            }
+        }
+    }
+    match config.task {
+        Task::Thrust => {}
+        Task::Efficiency => {
+            put(rig.demand, THRUST_UNIT);
+            put(rig.smooth_thrust, THRUST_UNIT);
+        }
+        Task::Swim => put(rig.speed, SPEED_UNIT),
+    }
+}

@@ -1,0 +1,284 @@
+//! A single fin for people who want the physics: no servo, no task.
+
+use super::config::{Config, Task};
+use super::geometry::Geometry;
+use super::parameters::Parameters;
+use super::plant::{Design, Loads, Plant, Scheme};
+use crate::error::{Error, Result};
+use crate::fluid::{Hydrodynamics, reactive, resistive};
+use crate::keywords::Keywords;
+use crate::rod;
+use crate::vec2::Vec2;
+use serde_json::{Map, Value, json};
+
+/// Forces and energies of a fin in a given motion, each apart.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Forces {
+    /// `-dE/dx` \[N\].
+    pub elastic: Vec<[f64; 2]>,
+    /// Momentum p_f of the water that moves with each node \[kg m/s\].
+    pub fluid_momentum: Vec<[f64; 2]>,
+    /// `dT_f/dq` \[N\].
+    pub fluid_gradient: Vec<[f64; 2]>,
+    /// Momentum flux G off the last node \[N\].
+    pub tail_flux: Vec<[f64; 2]>,
+    /// Drag and friction \[N\].
+    pub resistive: Vec<[f64; 2]>,
+    /// Stretching and bending energy \[J\].
+    pub elastic_energy: f64,
+    /// Kinetic energy T_f of the moved water, relative to the flow \[J\].
+    pub fluid_energy: f64,
+}
+
+/// Energies of a fin \[J\].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Energies {
+    /// Kinetic energy of the fin (and of its hull, if it has one).
+    pub kinetic: f64,
+    /// Stretching.
+    pub stretch: f64,
+    /// Bending.
+    pub bend: f64,
+    /// Water, relative to the flow.
+    pub fluid: f64,
+}
+
+/// One fin, pitched by hand.
+#[derive(Clone, Debug)]
+pub struct Fin {
+    plant: Plant<f64>,
+    parameters: Parameters,
+    steps: u64,
+    resolved: Map<String, Value>,
+}
+
+/// Keywords beside the parameters.
+const KEYWORDS: [&str; 7] = [
+    "hydrodynamics",
+    "stepper",
+    "physics_dt",
+    "geometry",
+    "stiffness_profile",
+    "thesis",
+    "free_swimming",
+];
+
+impl Fin {
+    /// A straight fin at rest.
+    ///
+    /// # Errors
+    /// A design or parameter outside its range.
+    pub fn new(design: Design, parameters: Parameters) -> Result<Self> {
+        parameters.check()?;
+        let mut plant = Plant::new(design)?;
+        plant.begin(0, &parameters, 0.0);
+        Ok(Fin { plant, parameters, steps: 0, resolved: Map::new() })
+    }
+
+    /// The thesis' fin in the given water, stepped by BDF2 every `physics_dt` seconds.
+    ///
+    /// # Errors
+    /// Those of `new`.
+    pub fn of(
+        hydrodynamics: Hydrodynamics,
+        physics_dt: f64,
+        parameters: Parameters,
+    ) -> Result<Self> {
+        let geometry = Geometry::thesis();
+        let scheme = Scheme::Bdf2;
+        let free_swimming = false;
+        let design = Design { geometry, hydrodynamics, scheme, physics_dt, free_swimming };
+        Fin::new(design, parameters)
+    }
+
+    /// A fin of the keywords that users type: those of the environments that concern the fin and its water, and
+    /// `free_swimming`, which frees its pivot along x. Values that are not given are those of the environments.
+    ///
+    /// # Errors
+    /// Unknown keywords and values outside their ranges.
+    pub fn from_keywords(given: &Map<String, Value>) -> Result<Self> {
+        let table = Parameters::table();
+        let names: Vec<&str> = table.iter().map(|p| p.name).chain(KEYWORDS).collect();
+        let keywords = Keywords::new(given, &names)?;
+        let swims = keywords.flag("free_swimming", false)?;
+        let mut physical = given.clone();
+        physical.remove("free_swimming");
+        // A control step of one physics step: the simulation has no other.
+        let control_dt = match keywords.get("physics_dt") {
+            Some(dt) => dt.clone(),
+            None => json!(0.04),
+        };
+        physical.insert("control_dt".into(), control_dt);
+        let task = if swims { Task::Swim } else { Task::Efficiency };
+        let config = Config::new(task, &physical)?;
+        let mut parameters = Parameters::default();
+        for (i, draw) in config.draws.iter().enumerate() {
+            parameters.set(i, draw.bounds().0)?;
+        }
+        let mut fin = Fin::new(config.design, parameters)?;
+        for name in table.iter().map(|p| p.name).chain(KEYWORDS) {
+            if let Some(value) = config.resolved.get(name) {
+                fin.resolved.insert(name.into(), value.clone());
+            }
+        }
+        fin.resolved.insert("free_swimming".into(), json!(swims));
+        Ok(fin)
+    }
+
+    /// Keywords with their values, where the fin was made from keywords.
+    pub fn resolved(&self) -> &Map<String, Value> {
+        &self.resolved
+    }
+
+    /// Shape, water and stepping.
+    pub fn design(&self) -> &Design {
+        &self.plant.design
+    }
+
+    /// Material and water.
+    pub fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    /// `n` physics steps, each ending at this pitch \[rad\].
+    ///
+    /// # Errors
+    /// A pitch that is not finite, or a step that cannot be solved (the fin then stays where it got to).
+    pub fn step(&mut self, pitch: f64, n: u64) -> Result<()> {
+        if !pitch.is_finite() {
+            return Err(Error::parameter("pitch", pitch, "finite"));
+        }
+        for _ in 0..n {
+            if !self.plant.step(pitch) {
+                let reason = format!("no solution for a step to pitch {pitch} rad");
+                return Err(Error::Solver { time: self.time(), reason });
+            }
+            self.steps += 1;
+        }
+        Ok(())
+    }
+
+    /// Physics steps that end at the given pitches \[rad\]; returns thrust \[N\], torque \[N m\], power \[W\] and
+    /// y of the tail \[m\] after each.
+    ///
+    /// # Errors
+    /// Those of `step`.
+    pub fn follow(&mut self, pitches: &[f64]) -> Result<Vec<[f64; 4]>> {
+        let mut trace = Vec::with_capacity(pitches.len());
+        for &pitch in pitches {
+            self.step(pitch, 1)?;
+            let (loads, x) = (&self.plant.loads, &self.plant.now.x);
+            trace.push([loads.thrust, loads.torque, loads.power, x[x.len() - 1].y]);
+        }
+        Ok(trace)
+    }
+
+    /// Time since the state was set \[s\].
+    pub fn time(&self) -> f64 {
+        self.steps as f64 * self.plant.design.physics_dt
+    }
+
+    /// Node positions \[m\].
+    pub fn positions(&self) -> Vec<[f64; 2]> {
+        pairs(&self.plant.now.x)
+    }
+
+    /// Node velocities \[m/s\].
+    pub fn velocities(&self) -> Vec<[f64; 2]> {
+        pairs(&self.plant.now.v)
+    }
+
+    /// Pitch of the driven edge \[rad\].
+    pub fn pitch(&self) -> f64 {
+        self.plant.pitch
+    }
+
+    /// Forces and power of the last physics step.
+    pub fn loads(&self) -> &Loads<f64> {
+        &self.plant.loads
+    }
+
+    /// Puts the fin into a motion, as if it had just been placed there; the time goes back to 0.
+    ///
+    /// # Errors
+    /// Wrong shapes, numbers that are not finite, or a driven edge that the drive could not hold: its pivot
+    /// away from the origin (unless swimming freely) or its length off the rest length by more than 1e-6.
+    pub fn set_state(&mut self, positions: &[[f64; 2]], velocities: &[[f64; 2]]) -> Result<()> {
+        let (x, v, pitch) = self.plant.design.check_motion(positions, velocities)?;
+        self.plant.set_motion(0, &x, &v, pitch);
+        self.steps = 0;
+        Ok(())
+    }
+
+    /// Forces and energies in any motion; the fin itself is not touched.
+    ///
+    /// # Errors
+    /// Wrong shapes or numbers that are not finite.
+    pub fn forces(&self, positions: &[[f64; 2]], velocities: &[[f64; 2]]) -> Result<Forces> {
+        let (x, v) = self.plant.design.check_nodes(positions, velocities)?;
+        let plant = &self.plant;
+        let n = x.len();
+        let model = plant.design.hydrodynamics;
+        let still = vec![Vec2::zero(); n];
+        let mut elastic = still.clone();
+        // Without velocity the damping vanishes, and a fin has no gravity.
+        rod::forces(&plant.rod, &x, &still, &mut elastic);
+        let mut momentum = still.clone();
+        plant.water_momentum(&x, &v, &mut momentum);
+        let (mut gradient, mut flux, mut resistance) = (still.clone(), still.clone(), still);
+        let mut fluid_energy = 0.0;
+        let mass = plant.water.added_mass;
+        for k in 0..n - 1 {
+            let edge = plant.edge(k, &x, &v);
+            if model.has_added_mass() {
+                let [along, across] = reactive::gradient(mass, &edge);
+                gradient[k] -= edge.to_world(along, across);
+                gradient[k + 1] += edge.to_world(along, across);
+                fluid_energy += reactive::energy(mass, &edge);
+            }
+            if model.has_tail_flux() && k + 2 == n {
+                let [along, across] = reactive::tail_flux(mass, &edge);
+                flux[k + 1] += edge.to_world(along, across);
+            }
+            if model.has_resistance() {
+                let water = resistive::force(plant.water.drag, plant.friction(k), &edge);
+                let [first, second] = edge.forces_to_world(&water);
+                resistance[k] += first;
+                resistance[k + 1] += second;
+            }
+        }
+        let energy = rod::energy(&plant.rod, &x, &v);
+        Ok(Forces {
+            elastic: pairs(&elastic),
+            fluid_momentum: pairs(&momentum),
+            fluid_gradient: pairs(&gradient),
+            tail_flux: pairs(&flux),
+            resistive: pairs(&resistance),
+            elastic_energy: energy.stretch + energy.bend,
+            fluid_energy,
+        })
+    }
+
+    /// Energies now.
+    pub fn energy(&self) -> Energies {
+        let plant = &self.plant;
+        let (x, v) = (&plant.now.x, &plant.now.v);
+        let energy = rod::energy(&plant.rod, x, v);
+        let mut fluid = 0.0;
+        if plant.design.hydrodynamics.has_added_mass() {
+            for k in 0..x.len() - 1 {
+                fluid += reactive::energy(plant.water.added_mass, &plant.edge(k, x, v));
+            }
+        }
+        let mut kinetic = energy.kinetic;
+        if plant.design.free_swimming {
+            let speed = v[plant.design.geometry.pivot].x;
+            kinetic += 0.5 * plant.hull_mass * speed * speed;
+        }
+        Energies { kinetic, stretch: energy.stretch, bend: energy.bend, fluid }
+    }
+}
+
+fn pairs(vectors: &[Vec2<f64>]) -> Vec<[f64; 2]> {
+    vectors.iter().map(|p| [p.x, p.y]).collect()
+}

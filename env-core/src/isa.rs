@@ -1,0 +1,110 @@
+//! Which vector instructions the lanes use, chosen when the program runs.
+//!
+//! The physics is compiled once for each instruction set from the same generic source: everything
+//! below a `Kernel::run` is `#[inline(always)]`, so it takes on the features of the function that it is
+//! inlined into. Results do not depend on the choice (no fused or approximate operation is used).
+
+use std::sync::OnceLock;
+
+/// An instruction set for the lanes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Isa {
+    /// What every processor of the target has (SSE2 on x86-64, NEON on AArch64).
+    Baseline,
+    /// 256-bit vectors (x86-64 only).
+    Avx2,
+    /// 512-bit vectors (x86-64 only).
+    Avx512,
+}
+
+impl Isa {
+    /// Name as used in the environment variable `RODGYM_ISA` and in `rodgym bench`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Isa::Baseline => "baseline",
+            Isa::Avx2 => "avx2",
+            Isa::Avx512 => "avx512",
+        }
+    }
+
+    /// Instruction sets that this machine can run, slowest first.
+    pub fn available() -> Vec<Isa> {
+        let mut found = vec![Isa::Baseline];
+        #[cfg(target_arch = "x86_64")]
+        {
+            if is_x86_feature_detected!("avx2") {
+                found.push(Isa::Avx2);
+            }
+            if has_avx512() {
+                found.push(Isa::Avx512);
+            }
+        }
+        found
+    }
+
+    /// The set in use: the fastest available one, or the one that `RODGYM_ISA` names
+    /// (`baseline`, `avx2`, `avx512`; an unknown or unavailable name is ignored).
+    /// Read once, at first use.
+    pub fn current() -> Isa {
+        static CHOICE: OnceLock<Isa> = OnceLock::new();
+        *CHOICE.get_or_init(|| {
+            let available = Isa::available();
+            let wanted = std::env::var("RODGYM_ISA").unwrap_or_default();
+            let forced = available.iter().copied().find(|isa| isa.name() == wanted);
+            forced.unwrap_or(*available.last().expect("the baseline is always there"))
+        })
+    }
+}
+
+/// Whether every feature that `dispatch` enables for AVX-512 is there.
+#[cfg(target_arch = "x86_64")]
+fn has_avx512() -> bool {
+    is_x86_feature_detected!("avx512f")
+        && is_x86_feature_detected!("avx512vl")
+        && is_x86_feature_detected!("avx512dq")
+        && is_x86_feature_detected!("avx512bw")
+}
+
+/// Work to be compiled for each instruction set. `run` must be `#[inline(always)]`.
+pub trait Kernel {
+    /// What the work returns.
+    type Output;
+    /// Does the work.
+    fn run(self) -> Self::Output;
+}
+
+/// Runs a kernel with the given instruction set.
+///
+/// # Panics
+/// When this machine lacks the instruction set.
+pub fn dispatch<K: Kernel>(isa: Isa, kernel: K) -> K::Output {
+    #[cfg(target_arch = "x86_64")]
+    {
+        #[target_feature(enable = "avx2")]
+        fn avx2<K: Kernel>(kernel: K) -> K::Output {
+            kernel.run()
+        }
+        #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw")]
+        fn avx512<K: Kernel>(kernel: K) -> K::Output {
+            kernel.run()
+        }
+        match isa {
+            Isa::Baseline => kernel.run(),
+            Isa::Avx2 => {
+                assert!(is_x86_feature_detected!("avx2"), "this machine has no AVX2");
+                // SAFETY: the feature was just checked (the check is a cached load).
+                unsafe { avx2(kernel) }
+            }
+            Isa::Avx512 => {
+                assert!(has_avx512(), "this machine has no AVX-512");
+                // SAFETY: the features were just checked.
+                unsafe { avx512(kernel) }
+            }
+        }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    {
+        assert!(isa == Isa::Baseline, "this machine has only the baseline");
+        kernel.run()
+    }
+}

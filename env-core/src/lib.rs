@@ -1,0 +1,24 @@
+//! Planar discrete elastic rods as reinforcement-learning environments: the core.
+//!
+//! Physics is written once, generic over the number of environments computed side by side (`lane`);
+//! machines (`pendulum`, `fin`) are plants with tasks; `batch` runs many of them with autoreset and threads.
+//! No Python, no sockets, no printing here.
+
+pub mod batch;
+pub mod env;
+pub mod error;
+pub mod fin;
+pub mod fluid;
+pub mod isa;
+pub mod keywords;
+pub mod lane;
+pub mod linear;
+pub mod pendulum;
+pub mod registry;
+pub mod rod;
+pub mod seed;
+pub mod snapshot;
+pub mod stepper;
+pub mod vec2;
+
+pub use error::{Error, Result};

@@ -1,0 +1,206 @@
+//! The inverted elastic pendulum (thesis chapter 4): a rod pinned at its base, a torque on its first edge.
+
+pub mod config;
+mod plant;
+mod sensors;
+mod sim;
+mod task;
+
+pub use config::{Config, PARAMETERS, Sensors, Task};
+pub use plant::{Plant, Start, State};
+pub use sensors::{RATE_BOUND, RATE_UNIT};
+pub use sim::{Linear, Simulation};
+
+use crate::batch::{Machine, Outcome};
+use crate::env::{NodeState, ResetOptions, Scene, Space, Spec};
+use crate::error::{Error, Result};
+use crate::keywords::{Draw, exact_parameters};
+use crate::lane::{Mask, Real};
+use crate::rod::curvature;
+use crate::seed::Stream;
+use crate::stepper::Scheme;
+use config::{at, verlet_limit};
+use serde_json::{Map, Value, json};
+
+/// A pendulum with its task, for `batch::Batch`.
+#[derive(Clone, Debug)]
+pub struct Pendulum {
+    config: Config,
+    spec: Spec,
+}
+
+impl Pendulum {
+    /// The environment `id` with a task, its usual sensors and the user's keywords.
+    ///
+    /// # Errors
+    /// See `Config::new`.
+    pub fn new(id: &str, task: Task, sensors: Sensors, given: &Map<String, Value>) -> Result<Self> {
+        let config = Config::new(task, sensors, given)?;
+        let mut action = Space::new();
+        action.push(-1.0, 1.0, "base torque / torque_limit");
+        let spec = Spec {
+            id: id.into(),
+            observation: sensors::space(&config),
+            action,
+            reward_terms: task::terms(task),
+            metrics: task::METRICS.to_vec(),
+            parameters: PARAMETERS.to_vec(),
+            config: config.resolved.clone(),
+            default_max_episode_steps: if task == Task::Balance { 1000 } else { 500 },
+            control_dt: config.control_dt,
+            physics_dt: config.physics_dt,
+        };
+        Ok(Pendulum { config, spec })
+    }
+
+    /// The configuration.
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+
+    fn check_state(&self, value: &Value) -> Result<State> {
+        let edges = self.config.nodes - 1;
+        let allowed = format!(
+            "{{'angles': {edges} numbers, 'rates': {edges} numbers}} or {{'positions': ({n}, 2), 'velocities': ({n}, 2)}}, the first node at rest at the origin",
+            n = edges + 1
+        );
+        let refuse = || Error::parameter("state", value, allowed.clone());
+        let map = value.as_object().ok_or_else(refuse)?;
+        let read = |name: &str| map.get(name).cloned().ok_or_else(refuse);
+        let finite = |x: &f64| x.is_finite();
+        if map.contains_key("angles") {
+            let numbers = |name| {
+                let list: Vec<f64> = serde_json::from_value(read(name)?).map_err(|_| refuse())?;
+                if list.len() == edges { Ok(list) } else { Err(refuse()) }
+            };
+            return Ok(State::Edges(numbers("angles")?, numbers("rates")?));
+        }
+        let points = |name| {
+            let list: Vec<[f64; 2]> = serde_json::from_value(read(name)?).map_err(|_| refuse())?;
+            let fits = list.len() == edges + 1 && list.iter().flatten().all(finite);
+            if fits && list[0] == [0.0, 0.0] { Ok(list) } else { Err(refuse()) }
+        };
+        let (positions, velocities) = (points("positions")?, points("velocities")?);
+        if positions.windows(2).any(|pair| pair[0] == pair[1]) {
+            return Err(refuse());
+        }
+        Ok(State::Nodes(positions, velocities))
+    }
+}
+
+impl Machine for Pendulum {
+    type Plant<R: Real> = Plant<R>;
+    type Start = Start;
+
+    fn spec(&self) -> &Spec {
+        &self.spec
+    }
+
+    fn new_plant<R: Real>(&self) -> Plant<R> {
+        Plant::new(&self.config)
+    }
+
+    fn check(&self, options: &ResetOptions) -> Result<Start> {
+        let parameters = exact_parameters(&options.parameters, PARAMETERS)?;
+        let config = &self.config;
+        if config.scheme == Scheme::Verlet && parameters.iter().any(Option::is_some) {
+            let bounds = |(draw, exact): (&Draw, &Option<f64>)| {
+                exact.map_or(draw.bounds(), |value| (value, value))
+            };
+            let bounds: Vec<_> = config.draws.iter().zip(&parameters).map(bounds).collect();
+            let limit = verlet_limit(config.nodes, &bounds);
+            if config.physics_dt > limit {
+                let given = Value::Object(options.parameters.clone());
+                let allowed = format!(
+                    "such that the verlet stepper is stable: its limit would be {limit:.3e} s, but physics_dt is {:.3e} s (make the environment with stepper='implicit' or a smaller physics_dt)",
+                    config.physics_dt
+                );
+                return Err(Error::parameter("parameters", given, allowed));
+            }
+        }
+        let state = options.state.as_ref().map(|value| self.check_state(value)).transpose()?;
+        Ok(Start { parameters, state })
+    }
+
+    fn begin<R: Real>(
+        &self,
+        plant: &mut Plant<R>,
+        lane: usize,
+        stream: &mut Stream,
+        start: &Start,
+    ) {
+        plant.begin(&self.config, lane, stream, start);
+    }
+
+    #[inline(always)]
+    fn step<R: Real>(
+        &self,
+        plant: &mut Plant<R>,
+        actions: &[R],
+        active: R::Mask,
+        streams: &mut [Stream],
+        out: &mut Outcome<R>,
+    ) {
+        let mut disturbance = R::zero();
+        if self.config.disturbance > 0.0 {
+            let draw = |lane: usize| {
+                if active.get(lane) {
+                    self.config.disturbance * streams[lane].normal()
+                } else {
+                    0.0
+                }
+            };
+            disturbance = R::from_fn(draw);
+        }
+        let sound = plant.control_step(&self.config, actions[0], disturbance);
+        let (reward, ended) = task::score(self.config.task, plant, &mut out.terms);
+        out.reward = reward;
+        out.terminated = ended;
+        out.failed = sound.not();
+    }
+
+    #[inline(always)]
+    fn observe<R: Real>(
+        &self,
+        plant: &mut Plant<R>,
+        lanes: R::Mask,
+        streams: &mut [Stream],
+        observation: &mut [R],
+    ) {
+        sensors::observe(&self.config, plant, lanes, streams, observation);
+    }
+
+    fn visit<R: Real>(plant: &mut Plant<R>, f: &mut dyn FnMut(&mut R)) {
+        plant.visit(f);
+    }
+
+    fn parameters<R: Real>(&self, plant: &Plant<R>, lane: usize, out: &mut [f64]) {
+        for (to, from) in out.iter_mut().zip(&plant.parameters) {
+            *to = from.get(lane);
+        }
+    }
+
+    fn scene<R: Real>(&self, plant: &Plant<R>, lane: usize, scene: &mut Scene) {
+        let state = self.nodes(plant, lane);
+        let nodes = state.positions.len();
+        let tangent = |k: usize| plant.edge(k).0.lane(lane);
+        scene.machine = "pendulum".into();
+        scene.thickness = vec![plant.parameters[at::WIDTH].get(lane); nodes];
+        scene.curvature = vec![0.0; nodes];
+        for i in 1..nodes - 1 {
+            scene.curvature[i] = curvature(tangent(i - 1), tangent(i));
+        }
+        scene.nodes = state.positions;
+        let value = |x: R| json!(x.get(lane));
+        scene.values.insert("torque".into(), value(plant.torque));
+        scene.values.insert("torque_limit".into(), value(plant.parameters[at::TORQUE_LIMIT]));
+        scene.values.insert("length".into(), value(plant.parameters[at::LENGTH]));
+        scene.values.insert("tip_height".into(), value(plant.tip_height()));
+    }
+
+    fn nodes<R: Real>(&self, plant: &Plant<R>, lane: usize) -> NodeState {
+        let pick =
+            |v: &[crate::vec2::Vec2<R>]| v.iter().map(|p| [p.x.get(lane), p.y.get(lane)]).collect();
+        NodeState { positions: pick(&plant.motion.x), velocities: pick(&plant.motion.v) }
+    }
+}

@@ -1,0 +1,255 @@
+//! A planar discrete elastic rod (thesis 2.1, with the errata of `docs/physics.md`): nodes joined by
+//! edges that stretch, and turning angles between edges that bend.
+//!
+//! Node i has position x_i; edge k joins nodes k and k+1, `e = x_{k+1} - x_k`, unit tangent t, normal n
+//! (t turned left). The turning angle at an inner node is phi, the signed angle from the edge before to the
+//! edge after; the curvature is `kappa = 2 tan(phi/2)`, so that a rod cannot fold flat at finite energy.
+
+mod energy;
+mod forces;
+mod hessian;
+
+pub use energy::{Energy, curvature, energy};
+pub use forces::{Shape, forces};
+pub use hessian::add_stiffness;
+
+use crate::lane::Real;
+use crate::vec2::Vec2;
+
+/// Geometry, section and material of a rod, one value a lane.
+///
+/// Lengths of the vectors: nodes N, edges N-1. Bending belongs to inner nodes; the entries of both ends are 0.
+#[derive(Clone, Debug, Default)]
+pub struct Rod<R> {
+    /// Rest length of each edge \[m\].
+    pub rest: Vec<R>,
+    /// Stretching stiffness EA of each edge \[N\].
+    pub stretch: Vec<R>,
+    /// EA over rest length of each edge \[N/m\].
+    pub stretch_rate: Vec<R>,
+    /// Bending stiffness EI/l at each node \[N m\].
+    pub bend: Vec<R>,
+    /// Kelvin-Voigt bending damping (EI/l) beta at each node \[N m s\].
+    pub bend_damping: Vec<R>,
+    /// Mass of each node \[kg\].
+    pub mass: Vec<R>,
+    /// One over the mass of each node \[1/kg\].
+    pub inverse_mass: Vec<R>,
+    /// Nodal damping zeta: force -zeta v at each node \[kg/s\].
+    pub damping: R,
+    /// Gravity along -E2 \[m/s^2\].
+    pub gravity: R,
+}
+
+impl<R: Real> Rod<R> {
+    /// Memory for a rod of `nodes` nodes, to be filled lane by lane with `set_lane`.
+    pub fn new(nodes: usize) -> Self {
+        let per_node = || vec![R::zero(); nodes];
+        let per_edge = || vec![R::zero(); nodes - 1];
+        Rod {
+            rest: per_edge(),
+            stretch: per_edge(),
+            stretch_rate: per_edge(),
+            bend: per_node(),
+            bend_damping: per_node(),
+            mass: per_node(),
+            inverse_mass: per_node(),
+            damping: R::zero(),
+            gravity: R::zero(),
+        }
+    }
+
+    /// Number of nodes.
+    #[inline(always)]
+    pub fn nodes(&self) -> usize {
+        self.mass.len()
+    }
+
+    /// Calls `f` with every number of the rod, always in the same order.
+    pub fn visit(&mut self, f: &mut dyn FnMut(&mut R)) {
+        let vectors = [
+            &mut self.rest,
+            &mut self.stretch,
+            &mut self.stretch_rate,
+            &mut self.bend,
+            &mut self.bend_damping,
+            &mut self.mass,
+            &mut self.inverse_mass,
+        ];
+        vectors.into_iter().flatten().for_each(&mut *f);
+        f(&mut self.damping);
+        f(&mut self.gravity);
+    }
+
+    /// Copies one lane out.
+    pub fn lane(&self, lane: usize) -> Rod<f64> {
+        let mut numbers = Vec::new();
+        self.clone().visit(&mut |x| numbers.push(x.get(lane)));
+        let mut rod = Rod::<f64>::new(self.nodes());
+        let mut next = numbers.into_iter();
+        rod.visit(&mut |x| *x = next.next().expect("both rods have the same nodes"));
+        rod
+    }
+
+    /// Copies a rod of the same number of nodes into one lane; no memory is taken.
+    pub fn set_lane(&mut self, lane: usize, rod: &Rod<f64>) {
+        let pairs = [
+            (&mut self.rest, &rod.rest),
+            (&mut self.stretch, &rod.stretch),
+            (&mut self.stretch_rate, &rod.stretch_rate),
+            (&mut self.bend, &rod.bend),
+            (&mut self.bend_damping, &rod.bend_damping),
+            (&mut self.mass, &rod.mass),
+            (&mut self.inverse_mass, &rod.inverse_mass),
+        ];
+        for (to, from) in pairs {
+            for (slot, value) in to.iter_mut().zip(from) {
+                slot.set(lane, *value);
+            }
+        }
+        self.damping.set(lane, rod.damping);
+        self.gravity.set(lane, rod.gravity);
+    }
+}
+
+/// A uniform rod of square section (thesis 2.4, 2.5, Table 4.1).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Uniform {
+    /// Number of nodes.
+    pub nodes: usize,
+    /// Total length \[m\].
+    pub length: f64,
+    /// Side of the square section \[m\].
+    pub width: f64,
+    /// Density \[kg/m^3\].
+    pub density: f64,
+    /// Young's modulus \[Pa\].
+    pub youngs_modulus: f64,
+    /// Nodal damping zeta \[kg/s\].
+    pub damping: f64,
+    /// Bending damping beta \[s\].
+    pub bending_damping: f64,
+    /// Gravity along -E2 \[m/s^2\].
+    pub gravity: f64,
+}
+
+impl Uniform {
+    /// Rest length of an edge \[m\].
+    pub fn edge(&self) -> f64 {
+        self.length / (self.nodes - 1) as f64
+    }
+    /// Area of the section \[m^2\].
+    pub fn area(&self) -> f64 {
+        self.width * self.width
+    }
+    /// Second moment of area w^4/12 \[m^4\] (thesis 2.8, corrected).
+    pub fn second_moment(&self) -> f64 {
+        self.area() * self.area() / 12.0
+    }
+    /// Mass of an inner node \[kg\]; the end nodes have half of it.
+    pub fn node_mass(&self) -> f64 {
+        self.density * self.area() * self.edge()
+    }
+
+    /// The discrete rod.
+    pub fn rod(&self) -> Rod<f64> {
+        let mut rod = Rod::new(self.nodes);
+        self.shape(&mut rod);
+        rod
+    }
+
+    /// Overwrites a rod of the same number of nodes; no memory is taken.
+    pub fn shape(&self, rod: &mut Rod<f64>) {
+        let edge = self.edge();
+        let stretch = self.youngs_modulus * self.area();
+        rod.rest.fill(edge);
+        rod.stretch.fill(stretch);
+        rod.stretch_rate.fill(stretch / edge);
+        for i in 1..self.nodes - 1 {
+            rod.bend[i] = self.youngs_modulus * self.second_moment() / edge;
+            rod.bend_damping[i] = rod.bend[i] * self.bending_damping;
+        }
+        for i in 0..self.nodes {
+            let end = i == 0 || i == self.nodes - 1;
+            rod.mass[i] = if end { 0.5 * self.node_mass() } else { self.node_mass() };
+            rod.inverse_mass[i] = 1.0 / rod.mass[i];
+        }
+        rod.damping = self.damping;
+        rod.gravity = self.gravity;
+    }
+
+    /// Largest step for which velocity Verlet is stable about the straight rod \[s\].
+    ///
+    /// With the velocity of the half step in the damping forces, a mode of frequency w and damping rate d
+    /// (force -d v/m) is stable while `w^2 dt^2 + 2 d dt < 4`. The highest stretching mode has
+    /// `w = 2 sqrt(E/rho)/l`, the highest bending mode `w = 4/l^2 sqrt(EI/(rho A))`; the light
+    /// end node takes part in neither alone.
+    pub fn verlet_limit(&self) -> f64 {
+        let edge = self.edge();
+        let speed2 = self.youngs_modulus / self.density;
+        let stretch2 = 4.0 * speed2 / (edge * edge);
+        let gyration2 = self.second_moment() / self.area();
+        let bend2 = 16.0 * speed2 * gyration2 / (edge * edge * edge * edge);
+        // The end nodes carry half the mass, so nodal damping counts double there.
+        let nodal = 2.0 * self.damping / self.node_mass();
+        let limit = |w2: f64, d: f64| {
+            // positive root of w2 dt^2 + 2 d dt - 4 = 0, in the form that does not cancel
+            4.0 / (d + (d * d + 4.0 * w2).sqrt())
+        };
+        limit(stretch2, nodal).min(limit(bend2, nodal + self.bending_damping * bend2))
+    }
+}
+
+/// Positions and velocities of a rod's nodes.
+#[derive(Clone, Debug, Default)]
+pub struct Motion<R> {
+    /// Positions \[m\].
+    pub x: Vec<Vec2<R>>,
+    /// Velocities \[m/s\].
+    pub v: Vec<Vec2<R>>,
+    /// What the stepper carries to the next step \[m/s^2\]: for Verlet the acceleration without the base
+    /// torque, for the implicit steppers the mean acceleration of the last step.
+    pub a: Vec<Vec2<R>>,
+}
+
+impl<R: Real> Motion<R> {
+    /// Memory for `nodes` nodes, all at the origin and at rest.
+    pub fn new(nodes: usize) -> Self {
+        let zeros = || vec![Vec2::zero(); nodes];
+        Motion { x: zeros(), v: zeros(), a: zeros() }
+    }
+
+    /// Calls `f` with every number, always in the same order.
+    pub fn visit(&mut self, f: &mut dyn FnMut(&mut R)) {
+        for vector in [&mut self.x, &mut self.v, &mut self.a] {
+            for node in vector {
+                f(&mut node.x);
+                f(&mut node.y);
+            }
+        }
+    }
+
+    /// Copies all of `other` into this; no memory is taken.
+    #[inline(always)]
+    pub fn copy_from(&mut self, other: &Motion<R>) {
+        self.x.copy_from_slice(&other.x);
+        self.v.copy_from_slice(&other.v);
+        self.a.copy_from_slice(&other.a);
+    }
+
+    /// Copies one lane out.
+    pub fn lane(&self, lane: usize) -> Motion<f64> {
+        let pick = |v: &[Vec2<R>]| v.iter().map(|p| p.lane(lane)).collect();
+        Motion { x: pick(&self.x), v: pick(&self.v), a: pick(&self.a) }
+    }
+
+    /// Copies a motion into one lane.
+    pub fn set_lane(&mut self, lane: usize, motion: &Motion<f64>) {
+        let pairs = [(&mut self.x, &motion.x), (&mut self.v, &motion.v), (&mut self.a, &motion.a)];
+        for (to, from) in pairs {
+            for (p, q) in to.iter_mut().zip(from) {
+                p.set_lane(lane, *q);
+            }
+        }
+    }
+}
