@@ -1,0 +1,183 @@
+//! Gaits of the fin: periodic pitch commands, the open-loop controllers to beat.
+//!
+//! A gait knows its waveform, amplitude and frequency and counts steps. The best pair is found by playing the
+//! environment itself, with all its limits: first a grid, then two finer grids about the best point, each gait
+//! meeting the same fins (`SEEDS`). The search is part of `for_target`, so a gait is always the best for
+//! the keywords at hand.
+
+use crate::controller::Controller;
+use crate::error::{Error, Result};
+use rodgym_core::env::{AutoresetMode, ResetOptions, Seeds, StepBuffer};
+use rodgym_core::fin::cycle::Waveform;
+use rodgym_core::fin::sensors::THRUST_UNIT;
+use rodgym_core::registry::{MakeOptions, make};
+use serde_json::{Map, Value};
+use std::f64::consts::TAU;
+
+/// Fins that every gait of the search meets.
+const SEEDS: usize = 8;
+/// Steps of the episodes of the search.
+const STEPS: u32 = 200;
+/// Demanded thrust at which a gait has its nominal amplitude \[N\]; thrust grows with its square.
+const USUAL_DEMAND: f64 = 0.1;
+/// Frequencies \[Hz\] of the first grid.
+const FREQUENCIES: [f64; 9] = [1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0];
+/// Amplitudes of the first grid, in units of the action.
+const AMPLITUDES: [f64; 7] = [0.1, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0];
+
+/// A periodic command.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Gait {
+    /// Shape.
+    pub waveform: Waveform,
+    /// Amplitude of the action.
+    pub amplitude: f64,
+    /// Frequency \[Hz\].
+    pub frequency: f64,
+    /// Mean return of the search's episodes.
+    pub found_return: f64,
+    control_dt: f64,
+    observation_size: usize,
+    /// Where in the observation the demanded thrust is, if anywhere.
+    demand: Option<usize>,
+}
+
+/// Which environment a configuration belongs to, told by what follows the common observation.
+fn environment(config: &Map<String, Value>, observation_size: usize) -> Result<&'static str> {
+    let refuse =
+        || Error::Unsuitable { controller: "a gait", reason: "it is not one of the fin's".into() };
+    let widths = config.get("geometry").and_then(|g| g.get("widths")).and_then(Value::as_array);
+    let nodes = widths.ok_or_else(refuse)?.len();
+    let camera = config.get("observation").and_then(Value::as_str) == Some("camera");
+    let common = if camera { nodes + 1 } else { 2 * nodes + 1 };
+    match observation_size.checked_sub(common) {
+        Some(0) => Ok("rodgym/FinThrust-v0"),
+        Some(1) => Ok("rodgym/FinSwim-v0"),
+        Some(2) => Ok("rodgym/FinEfficiency-v0"),
+        _ => Err(refuse()),
+    }
+}
+
+impl Gait {
+    /// The best gait of this waveform for an environment.
+    ///
+    /// # Errors
+    /// An environment that is not a fin's.
+    pub fn for_target(
+        waveform: Waveform,
+        config: &Map<String, Value>,
+        observation_size: usize,
+    ) -> Result<Gait> {
+        let id = environment(config, observation_size)?;
+        let control_dt = config.get("control_dt").and_then(Value::as_f64).unwrap_or(0.04);
+        let demand = (id == "rodgym/FinEfficiency-v0").then(|| observation_size - 2);
+        let gait = |amplitude: f64, frequency: f64| Gait {
+            waveform,
+            amplitude,
+            frequency,
+            found_return: f64::NEG_INFINITY,
+            control_dt,
+            observation_size,
+            demand,
+        };
+        let mut best = gait(0.0, 1.0);
+        let mut grid = Vec::new();
+        for frequency in FREQUENCIES {
+            grid.extend(AMPLITUDES.map(|amplitude| gait(amplitude, frequency)));
+        }
+        let (mut df, mut da) = (0.25, 0.2);
+        for _ in 0..3 {
+            for (found, candidate) in returns(id, config, &grid)?.into_iter().zip(&grid) {
+                if found > best.found_return {
+                    best = Gait { found_return: found, ..candidate.clone() };
+                }
+            }
+            grid.clear();
+            for i in -2..=2 {
+                for j in -2..=2 {
+                    let amplitude = best.amplitude * (1.0 + da * f64::from(j));
+                    grid.push(gait(amplitude.min(1.0), best.frequency + df * f64::from(i)));
+                }
+            }
+            (df, da) = (0.4 * df, 0.4 * da);
+        }
+        Ok(best)
+    }
+
+    /// The best gait of any waveform.
+    ///
+    /// # Errors
+    /// An environment that is not a fin's.
+    pub fn best_for_target(config: &Map<String, Value>, observation_size: usize) -> Result<Gait> {
+        let mut best: Option<Gait> = None;
+        for (_, waveform) in Waveform::NAMES {
+            let gait = Gait::for_target(waveform, config, observation_size)?;
+            if best.as_ref().is_none_or(|b| gait.found_return > b.found_return) {
+                best = Some(gait);
+            }
+        }
+        Ok(best.expect("there are waveforms"))
+    }
+}
+
+/// Mean returns of gaits, each over the same `SEEDS` episodes.
+fn returns(id: &str, config: &Map<String, Value>, gaits: &[Gait]) -> Result<Vec<f64>> {
+    let n = gaits.len() * SEEDS;
+    let mut env = make(&MakeOptions {
+        id: id.into(),
+        num_envs: n,
+        kwargs: config.clone(),
+        autoreset_mode: AutoresetMode::NextStep,
+        max_episode_steps: None,
+        num_threads: 1,
+    })?;
+    let (d, mut out) = (env.spec().observation.size(), StepBuffer::new(env.spec(), n));
+    let seeds = Seeds::Each((0..n).map(|i| Some((i % SEEDS) as u64)).collect());
+    env.reset(&seeds, None, &ResetOptions::default(), out.data())?;
+    let mut clocks = vec![[0.0]; n];
+    let mut actions = vec![0.0; n];
+    let mut sums = vec![0.0; gaits.len()];
+    for _ in 0..STEPS {
+        for i in 0..n {
+            let observation = &out.observation[i * d..(i + 1) * d];
+            gaits[i / SEEDS].act(observation, &mut clocks[i], &mut actions[i..=i]);
+        }
+        env.step(&actions, out.data())?;
+        for (i, reward) in out.reward.iter().enumerate() {
+            sums[i / SEEDS] += reward / SEEDS as f64;
+        }
+    }
+    Ok(sums)
+}
+
+impl Controller for Gait {
+    fn observation_size(&self) -> usize {
+        self.observation_size
+    }
+
+    fn state_size(&self) -> usize {
+        1
+    }
+
+    fn start(&self, _observation: &[f32], state: &mut [f64]) {
+        state[0] = 0.0;
+    }
+
+    fn act(&self, observation: &[f32], state: &mut [f64], action: &mut [f32]) {
+        let phase = TAU * self.frequency * self.control_dt * state[0];
+        let scale = self.demand.map_or(1.0, |at| {
+            libm::sqrt((f64::from(observation[at]) * THRUST_UNIT / USUAL_DEMAND).max(0.0))
+        });
+        let command = scale * self.amplitude * self.waveform.at(phase);
+        action[0] = command.clamp(-1.0, 1.0) as f32;
+        state[0] += 1.0;
+    }
+
+    fn parameters(&self) -> Vec<(&'static str, f64)> {
+        vec![
+            ("amplitude", self.amplitude),
+            ("frequency", self.frequency),
+            ("found_return", self.found_return),
+        ]
+    }
+}

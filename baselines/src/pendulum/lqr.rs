@@ -1,0 +1,95 @@
+//! State feedback: the regulator on the measured state.
+
+use super::{Chain, ORDER, RATE_SCALE, Regulator, RodDesign, gentle_weights};
+use crate::controller::Controller;
+use crate::error::{Error, Result};
+
+/// Swing-up and balance from the whole state.
+///
+/// Observation: cos, sin, rate / (10 rad/s) of every edge. State: the regulator's clock \[s\].
+#[derive(Clone, Debug)]
+pub struct Lqr {
+    regulator: Regulator,
+}
+
+impl Lqr {
+    /// Designs the regulator for a rod.
+    ///
+    /// # Errors
+    /// A rod that is not allowed; a Riccati equation without solution.
+    pub fn new(rod: RodDesign) -> Result<Self> {
+        rod.check()?;
+        let regulator = Regulator::new(Chain::new(&rod, ORDER), gentle_weights(&rod))?;
+        Ok(Lqr { regulator })
+    }
+
+    /// Designs the regulator for an environment.
+    ///
+    /// # Errors
+    /// As [`Lqr::new`]; [`Error::Unsuitable`] where the environment does not show the whole state.
+    pub fn for_target(rod: RodDesign, observation_size: usize) -> Result<Self> {
+        rod.check()?;
+        needs_every_edge("Lqr", &rod, observation_size)?;
+        Lqr::new(rod)
+    }
+
+    /// The feedback law.
+    pub fn regulator(&self) -> &Regulator {
+        &self.regulator
+    }
+
+    /// Coordinates and rates of an observation, the angle followed along the rod.
+    fn state_of(&self, observation: &[f32]) -> Vec<f64> {
+        let chain = self.regulator.chain();
+        let n = chain.edges();
+        let edge = |i: usize| (observation[i] as f64, observation[n + i] as f64);
+        let mut angles = Vec::with_capacity(n);
+        let (cos, sin) = edge(0);
+        angles.push(libm::atan2(sin, cos));
+        for i in 1..n {
+            let ((c0, s0), (c1, s1)) = (edge(i - 1), edge(i));
+            angles.push(angles[i - 1] + libm::atan2(c0 * s1 - s0 * c1, c0 * c1 + s0 * s1));
+        }
+        let rates: Vec<f64> =
+            observation[2 * n..].iter().map(|rate| *rate as f64 * RATE_SCALE).collect();
+        let mut state = chain.coordinates_of(&angles);
+        state.extend(chain.coordinates_of(&rates));
+        state
+    }
+}
+
+/// Refuses observations that are not those of every edge.
+pub(super) fn needs_every_edge(
+    controller: &'static str,
+    rod: &RodDesign,
+    observation_size: usize,
+) -> Result<()> {
+    let needed = 3 * rod.edges();
+    if observation_size == needed {
+        return Ok(());
+    }
+    Err(Error::Unsuitable {
+        controller,
+        reason: format!(
+            "it needs cos, sin and rate of every edge (observation='full', {needed} numbers), but \
+             an observation has {observation_size}"
+        ),
+    })
+}
+
+impl Controller for Lqr {
+    fn observation_size(&self) -> usize {
+        3 * self.regulator.chain().edges()
+    }
+    fn state_size(&self) -> usize {
+        1
+    }
+    fn start(&self, _observation: &[f32], state: &mut [f64]) {
+        state[0] = self.regulator.start();
+    }
+    fn act(&self, observation: &[f32], state: &mut [f64], action: &mut [f32]) {
+        let torque = self.regulator.torque(&self.state_of(observation), &mut state[0]);
+        let limit = self.regulator.chain().rod().torque_limit;
+        action[0] = (torque / limit).clamp(-1.0, 1.0) as f32;
+    }
+}

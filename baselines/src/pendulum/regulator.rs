@@ -1,0 +1,134 @@
+//! The law that all our pendulum controllers share: a regulator that is also the swing-up.
+//!
+//! A sampled linear regulator of high control cost, its torque limited to a little more than the rod's
+//! own weight at arm's length, brings a flexible rod up from anywhere: it pushes the base past the
+//! rod, and the rod is thrown after. More torque would only bend the rod. Where that does not come up
+//! (a motor that cannot lift the rod may hold it at an angle for ever), energy is pumped, swing by
+//! swing, until the regulator can catch the rod.
+
+use super::{Chain, RodDesign, Weights};
+use crate::error::Result;
+use crate::linalg::{dare, sample_cost};
+use nalgebra::{DMatrix, DVector};
+use std::f64::consts::PI;
+
+/// Torque limit in units of m g L / 2, the torque that holds the straight rod level.
+const ENOUGH: f64 = 1.1;
+/// The regulator catches what costs less than this many times the straight rod at rest 1 rad from up.
+const CATCH: f64 = 3.0;
+/// How long the regulator may try from a worse state before the pump starts, in units of sqrt(L/g).
+const PATIENCE: f64 = 6.0;
+/// Where the torque limit is below this part of m g L / 2, the pump starts at once.
+const WEAK: f64 = 0.8;
+/// Aimed energy of the pump above that of the rod at rest upright, relative to the latter.
+const SURPLUS: f64 = 0.15;
+
+/// Weights that make a regulator with a large basin: the motor is dear, so that it uses the rod's own
+/// dynamics.
+///
+/// Without units: rates count in units of sqrt(g/L), torque in units of the limit.
+pub fn gentle_weights(rod: &RodDesign) -> Weights {
+    Weights {
+        angle: 1.0,
+        rate: 30.0 * rod.length / rod.gravity.max(1e-3),
+        torque: 3e4 / (rod.torque_limit * rod.torque_limit),
+    }
+}
+
+/// Feedback from the coordinates of a reduced chain to base torque.
+#[derive(Clone, Debug)]
+pub struct Regulator {
+    chain: Chain,
+    gain: DVector<f64>,
+    cost: DMatrix<f64>,
+    up: Vec<f64>,
+    up_energy: f64,
+    limit: f64,
+    patience: f64,
+    weak: bool,
+}
+
+impl Regulator {
+    /// Designs the law for a chain.
+    ///
+    /// # Errors
+    /// A Riccati equation without solution (a rod without gravity and stiffness, say).
+    pub fn new(chain: Chain, weights: Weights) -> Result<Self> {
+        let k = chain.coordinates();
+        let rod = chain.rod().clone();
+        let mut up = chain.straight(PI);
+        up.resize(2 * k, 0.0);
+        let (a, b) = chain.linearize(&up, 0.0);
+        let b = DMatrix::from_column_slice(2 * k, 1, b.as_slice());
+        let (q, r) = weights.matrices(k);
+        let s = sample_cost(&a, &b, &q, &r, rod.control_dt);
+        let solution = dare(&s.a, &s.b, &s.q, &s.r, Some(&s.n))?;
+        let mut tilted = chain.straight(1.0);
+        tilted.resize(2 * k, 0.0);
+        let tilted = DVector::from_vec(tilted);
+        let scale = tilted.dot(&(&solution.cost * &tilted));
+        let weight = 0.5 * rod.node_mass() * rod.edges() as f64 * rod.gravity * rod.length;
+        let enough = if weight > 0.0 { ENOUGH * weight } else { f64::INFINITY };
+        Ok(Regulator {
+            gain: solution.gain.transpose().column(0).into_owned(),
+            cost: solution.cost / scale,
+            up_energy: chain.energy(&up).total(),
+            limit: rod.torque_limit.min(enough),
+            patience: PATIENCE * libm::sqrt(rod.length / rod.gravity.max(1e-3)),
+            weak: rod.torque_limit < WEAK * weight,
+            up,
+            chain,
+        })
+    }
+
+    /// The model in whose coordinates the law is written.
+    pub fn chain(&self) -> &Chain {
+        &self.chain
+    }
+
+    /// Gain K of T = -K z, z the coordinates and rates from up.
+    pub fn gain(&self) -> &[f64] {
+        self.gain.as_slice()
+    }
+
+    /// Coordinates and rates measured from the nearest way up: whole turns of the base are taken off.
+    pub fn from_up(&self, state: &[f64]) -> DVector<f64> {
+        let base = self.chain.base(&state[..self.chain.coordinates()]);
+        let turns = libm::round((base - PI) / (2.0 * PI));
+        // A whole turn of the rod is 2 pi in units of `up`, which is half a turn.
+        DVector::from_fn(state.len(), |i, _| state[i] - (1.0 + 2.0 * turns) * self.up[i])
+    }
+
+    /// The clock's value when an episode begins.
+    pub fn start(&self) -> f64 {
+        if self.weak { self.patience } else { 0.0 }
+    }
+
+    /// Torque \[N m\] at a state (coordinates, rates), called once a control period; `clock` is the
+    /// law's memory: for how long \[s\] the rod has been out of reach.
+    pub fn torque(&self, state: &[f64], clock: &mut f64) -> f64 {
+        let z = self.from_up(state);
+        if z.dot(&(&self.cost * &z)) < CATCH {
+            *clock = self.start();
+        } else if *clock < self.patience {
+            *clock += self.chain.rod().control_dt;
+        } else if self.up_energy > 0.0 {
+            return self.pump(state);
+        }
+        (-self.gain.dot(&z)).clamp(-self.limit, self.limit)
+    }
+
+    /// Pushes with the motion as long as energy is missing, against it where there is too much.
+    fn pump(&self, state: &[f64]) -> f64 {
+        let k = self.chain.coordinates();
+        let energy = self.chain.energy(state).total();
+        let missing = 1.0 + SURPLUS - energy / self.up_energy;
+        // The straight rod's share of the motion.
+        let rates = &state[k..];
+        let mean: f64 = self.up[..k].iter().zip(rates).map(|(u, r)| u * r).sum::<f64>()
+            / (PI * self.chain.edges() as f64);
+        // At rest any direction will do.
+        let along = if mean.abs() < 0.05 { 1.0 } else { mean / (1.0 + mean.abs()) };
+        (self.limit * missing * along).clamp(-self.limit, self.limit)
+    }
+}

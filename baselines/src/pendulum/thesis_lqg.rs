@@ -1,0 +1,89 @@
+//! The thesis' output feedback with its torque sampled and held.
+
+use super::hybrid::{SWING_AMPLITUDE, SWITCH_ANGLE};
+use super::lqg::{measured, needs_base};
+use super::{ProcessNoise, RodDesign, ThesisDesign};
+use crate::controller::Controller;
+use crate::error::Result;
+use crate::linalg::sample;
+use nalgebra::{DMatrix, DVector};
+use std::f64::consts::{PI, TAU};
+
+/// Thesis 4.3 on a real motor: the continuous gains, the observer integrated exactly over a control
+/// period with torque and measurement held. It does not hold the rod; it is here to be compared with.
+///
+/// Observation: cos, sin, rate / (10 rad/s) of the base edge. State: time \[s\], 1 while the observer
+/// runs, the estimate of z.
+#[derive(Clone, Debug)]
+pub struct ThesisLqg {
+    rod: RodDesign,
+    gain: DVector<f64>,
+    /// Estimate after a period: transition . estimate + input . (torque, angle, rate).
+    transition: DMatrix<f64>,
+    input: DMatrix<f64>,
+    swing_frequency: f64,
+}
+
+impl ThesisLqg {
+    /// Designs both gains for a rod.
+    ///
+    /// # Errors
+    /// A rod that is not allowed; a Riccati equation without solution.
+    pub fn new(rod: RodDesign) -> Result<Self> {
+        let design = ThesisDesign::new(&rod, ProcessNoise::Torque)?;
+        let states = 2 * rod.edges();
+        let mut input = DMatrix::zeros(states, 3);
+        input.set_column(0, design.torque_column());
+        input.columns_mut(1, 2).copy_from(&design.observer);
+        let (transition, input) = sample(&design.error_dynamics(), &input, rod.control_dt);
+        let swing_frequency = libm::sqrt(rod.gravity / rod.length);
+        Ok(ThesisLqg { gain: design.regulator, transition, input, swing_frequency, rod })
+    }
+
+    /// Designs the controller for an environment.
+    ///
+    /// # Errors
+    /// As [`ThesisLqg::new`]; [`crate::Error::Unsuitable`] where an observation is not that of the
+    /// base edge.
+    pub fn for_target(rod: RodDesign, observation_size: usize) -> Result<Self> {
+        needs_base("ThesisLqg", observation_size)?;
+        ThesisLqg::new(rod)
+    }
+}
+
+impl Controller for ThesisLqg {
+    fn observation_size(&self) -> usize {
+        3
+    }
+    fn state_size(&self) -> usize {
+        2 + self.gain.len()
+    }
+    fn start(&self, _observation: &[f32], state: &mut [f64]) {
+        state.fill(0.0);
+    }
+    fn act(&self, observation: &[f32], state: &mut [f64], action: &mut [f32]) {
+        let (angle, rate) = measured(observation);
+        let from_up = angle - PI;
+        let from_up = if from_up <= -PI { from_up + TAU } else { from_up };
+        let (clock, estimate) = state.split_at_mut(2);
+        let limit = self.rod.torque_limit;
+        let torque = if from_up.abs() >= SWITCH_ANGLE {
+            clock[1] = 0.0;
+            SWING_AMPLITUDE * libm::cos(self.swing_frequency * clock[0])
+        } else {
+            let edges = self.rod.edges();
+            if clock[1] == 0.0 {
+                clock[1] = 1.0;
+                estimate[..edges].fill(from_up);
+                estimate[edges..].fill(rate);
+            }
+            let z = DVector::from_column_slice(estimate);
+            let torque = (-self.gain.dot(&z)).clamp(-limit, limit);
+            let driven = &self.input * DVector::from_vec(vec![torque, from_up, rate]);
+            estimate.copy_from_slice((&self.transition * z + driven).as_slice());
+            torque
+        };
+        action[0] = (torque / limit).clamp(-1.0, 1.0) as f32;
+        clock[0] += self.rod.control_dt;
+    }
+}

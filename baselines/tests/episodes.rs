@@ -1,0 +1,126 @@
+//! Controllers in the environments themselves: how many of the seeded episodes end upright.
+
+use rodgym_baselines::registry::{Target, make};
+use rodgym_core::env::{AutoresetMode, ResetOptions, Seeds, StepBuffer};
+use rodgym_core::registry::{self, MakeOptions};
+use serde_json::{Map, Value, json};
+use std::f64::consts::PI;
+
+const SWING_UP: &str = "rodgym/PendulumSwingUp-v0";
+const BASE_ONLY: &str = "rodgym/PendulumSwingUpBase-v0";
+
+/// Plays seeds 0..n of 5 s and counts those whose rms angle from upright stays below 0.05 rad over the
+/// last second on average; `lost` says which samples a controller does not get to see.
+fn upright(
+    controller: &str,
+    id: &str,
+    kwargs: Value,
+    n: usize,
+    lost: impl Fn(usize) -> bool,
+) -> usize {
+    let Value::Object(kwargs) = kwargs else { panic!("keywords are an object") };
+    let options = MakeOptions {
+        id: id.into(),
+        num_envs: n,
+        kwargs,
+        autoreset_mode: AutoresetMode::NextStep,
+        max_episode_steps: None,
+        num_threads: 2,
+    };
+    let mut env = registry::make(&options).unwrap();
+    let spec = env.spec().clone();
+    let target = Target { config: spec.config.clone(), observation_size: spec.observation.size() };
+    let law = make(controller, &target).unwrap();
+    let mut buffer = StepBuffer::new(&spec, n);
+    let reset = ResetOptions { parameters: Map::new(), state: None };
+    env.reset(&Seeds::Base(0), None, &reset, buffer.data()).unwrap();
+    let mut state = vec![0.0; n * law.state_size()];
+    let mut actions = vec![0.0; n];
+    let error =
+        spec.reward_terms.len() + spec.metrics.iter().position(|m| *m == "upright_error").unwrap();
+    let terms = spec.reward_terms.len() + spec.metrics.len();
+    let steps = (5.0 / spec.control_dt).round() as usize;
+    let last = (1.0 / spec.control_dt).round() as usize;
+    let mut squares = vec![0.0; n];
+    for step in 0..steps {
+        let mut seen = buffer.observation.clone();
+        if step > 0 && lost(step) {
+            seen.fill(f32::NAN);
+        }
+        law.predict(&seen, &mut state, &vec![step == 0; n], &mut actions).unwrap();
+        env.step(&actions, buffer.data()).unwrap();
+        if step + last >= steps {
+            for (i, square) in squares.iter_mut().enumerate() {
+                let e: f64 = buffer.terms[i * terms + error];
+                *square += e * e / last as f64;
+            }
+        }
+    }
+    squares.iter().filter(|square| square.sqrt() < 0.05).count()
+}
+
+fn every(_step: usize) -> bool {
+    false
+}
+
+#[test]
+fn state_feedback_swings_up_rods_of_5_to_9_mm() {
+    for width in [0.005, 0.006, 0.007, 0.0081, 0.009] {
+        let ok = upright("lqr", SWING_UP, json!({"width": width}), 40, every);
+        assert!(ok >= 39, "{ok} of 40 at width {width}");
+    }
+}
+
+#[test]
+fn state_feedback_swings_up_from_any_angle() {
+    for width in [0.005, 0.007, 0.0081, 0.009] {
+        let kwargs = json!({"width": width, "start_angle": [-PI, PI]});
+        let ok = upright("lqr", SWING_UP, kwargs, 40, every);
+        assert!(ok >= 38, "{ok} of 40 at width {width}");
+    }
+}
+
+/// A motor that cannot lift the rod must pump.
+#[test]
+fn a_weak_motor_pumps() {
+    let ok = upright("lqr", SWING_UP, json!({"width": 0.012}), 20, every);
+    assert!(ok >= 19, "{ok} of 20");
+}
+
+#[test]
+fn the_thesis_hybrid_swings_up_where_its_swing_fits() {
+    for width in [0.007, 0.0081, 0.009] {
+        let ok = upright("lqr-hybrid", SWING_UP, json!({"width": width}), 20, every);
+        assert_eq!(ok, 20, "width {width}");
+    }
+}
+
+fn noisy(width: f64, nodes: usize) -> Value {
+    json!({"width": width, "nodes": nodes, "sensor_noise": {"angle": 1e-3, "rate": 1e-2}})
+}
+
+#[test]
+fn output_feedback_swings_up_with_noisy_sensors() {
+    for width in [0.006, 0.007, 0.0081, 0.009] {
+        let ok = upright("lqg", BASE_ONLY, noisy(width, 7), 20, every);
+        assert!(ok >= 19, "{ok} of 20 at width {width}");
+    }
+}
+
+/// The thesis' open problem: rods finer than the controller's model, of order 12.
+#[test]
+fn output_feedback_of_order_12_holds_rods_of_13_and_31_nodes() {
+    for (nodes, n) in [(13, 16), (31, 8)] {
+        for width in [0.007, 0.0081, 0.009] {
+            let ok = upright("lqg", BASE_ONLY, noisy(width, nodes), n, every);
+            assert!(10 * ok >= 9 * n, "{ok} of {n} at width {width}, {nodes} nodes");
+        }
+    }
+}
+
+#[test]
+fn output_feedback_survives_lost_samples() {
+    // Every fourth sample is missing.
+    let ok = upright("lqg", BASE_ONLY, noisy(0.007, 7), 20, |step| step % 4 == 3);
+    assert!(ok >= 18, "{ok} of 20");
+}
