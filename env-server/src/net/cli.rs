@@ -1,0 +1,131 @@
+//! The command line, shared by `rodgym-server` and `rodgym serve`.
+
+use super::{Config, keys, serve};
+use lexopt::prelude::*;
+use std::ffi::OsString;
+use std::io::Write;
+use std::path::PathBuf;
+
+const HELP: &str = "\
+Serves rod environments over ZeroMQ (docs/protocol.md).
+
+Usage: rodgym-server [OPTIONS]
+       rodgym-server keygen DIR      makes a key pair for CURVE
+
+Options:
+  --bind ADDRESS         tcp://HOST:PORT or ipc://PATH [tcp://127.0.0.1:5555]; port 0: a free one
+  --keys DIR             encrypt with DIR/secret.key, admit DIR/authorized/NAME.key
+  --insecure-no-auth     serve other machines without keys
+  --http HOST:PORT       /metrics, /healthz, /readyz on a loopback port
+  --live                 show the rods moving on that port
+  --workers N            threads that compute [1 on up to 3 cores, else cores - 1]
+  --threads N            threads of one step [1]
+  --max-sessions N       of all users [256]
+  --max-user-sessions N  of one user [32]
+  --max-envs N           of one session [4096]
+  --max-message-mib N    of one frame [16]
+  --idle-seconds N       before an unused session is dropped [600]
+  --log FILTER           error, warn, info, debug [info]; also from RODGYM_LOG
+  --log-json             one JSON object a line
+  -h, --help
+  -V, --version
+";
+
+enum Command {
+    Serve(Box<Config>, Logs),
+    Keygen(PathBuf),
+    Show(String),
+}
+
+struct Logs {
+    filter: String,
+    json: bool,
+}
+
+/// Runs the program; the first argument is not the program's name. Returns the exit code.
+pub fn main(arguments: impl IntoIterator<Item = OsString>) -> u8 {
+    let outcome = parse(arguments).map_err(|e| e.to_string()).and_then(|command| match command {
+        Command::Show(text) => {
+            print!("{text}");
+            Ok(())
+        }
+        Command::Keygen(directory) => {
+            let pair = keys::generate(&directory)?;
+            println!("public key {}\nin {}", pair.public, directory.join("public.key").display());
+            Ok(())
+        }
+        Command::Serve(config, logs) => {
+            start_logs(&logs);
+            serve(&config, |endpoint, http| {
+                // Others wait for this line to learn the port.
+                println!("rodgym-server listens at {endpoint}");
+                if let Some(http) = http {
+                    println!("metrics at http://{http}/metrics");
+                }
+                let _ = std::io::stdout().flush();
+            })
+        }
+    });
+    match outcome {
+        Ok(()) => 0,
+        Err(text) => {
+            eprintln!("rodgym-server: {text}");
+            1
+        }
+    }
+}
+
+fn parse(arguments: impl IntoIterator<Item = OsString>) -> Result<Command, lexopt::Error> {
+    let mut config = Config::default();
+    let mut logs =
+        Logs { filter: std::env::var("RODGYM_LOG").unwrap_or_else(|_| "info".into()), json: false };
+    let mut parser = lexopt::Parser::from_args(arguments);
+    while let Some(argument) = parser.next()? {
+        match argument {
+            Value(word) if word == "keygen" => {
+                let directory = PathBuf::from(parser.value()?);
+                return match parser.next()? {
+                    None => Ok(Command::Keygen(directory)),
+                    Some(extra) => Err(extra.unexpected()),
+                };
+            }
+            Long("bind") => config.bind = parser.value()?.string()?,
+            Long("keys") => config.keys = Some(parser.value()?.into()),
+            Long("insecure-no-auth") => config.insecure_no_auth = true,
+            Long("http") => config.http = Some(parser.value()?.parse()?),
+            Long("live") => config.live = true,
+            Long("workers") => config.workers = Some(parser.value()?.parse()?),
+            Long("threads") => config.limits.threads = parser.value()?.parse()?,
+            Long("max-sessions") => config.limits.sessions = parser.value()?.parse()?,
+            Long("max-user-sessions") => {
+                config.limits.sessions_per_user = parser.value()?.parse()?;
+            }
+            Long("max-envs") => config.limits.envs = parser.value()?.parse()?,
+            Long("max-message-mib") => {
+                let mebibytes: u32 = parser.value()?.parse()?;
+                config.limits.message_bytes = (mebibytes as usize) << 20;
+            }
+            Long("idle-seconds") => config.limits.idle_seconds = parser.value()?.parse()?,
+            Long("log") => logs.filter = parser.value()?.string()?,
+            Long("log-json") => logs.json = true,
+            Short('h') | Long("help") => return Ok(Command::Show(HELP.into())),
+            Short('V') | Long("version") => {
+                let text = concat!("rodgym-server ", env!("CARGO_PKG_VERSION"), ", protocol 1\n");
+                return Ok(Command::Show(text.into()));
+            }
+            other => return Err(other.unexpected()),
+        }
+    }
+    Ok(Command::Serve(Box::new(config), logs))
+}
+
+/// Logs go to stderr; a second server in one process keeps the first one's.
+fn start_logs(logs: &Logs) {
+    let level = logs.filter.parse().unwrap_or(tracing::Level::INFO);
+    let builder = tracing_subscriber::fmt()
+        .with_max_level(level)
+        .with_writer(std::io::stderr)
+        .with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr()))
+        .with_target(false);
+    let _ = if logs.json { builder.json().try_init() } else { builder.try_init() };
+}

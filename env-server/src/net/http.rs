@@ -1,0 +1,161 @@
+//! The second, local port: health, metrics, and the live page when it is asked for.
+
+use crate::live::Live;
+use crate::shared::Shared;
+use serde_json::json;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed};
+use std::time::{Duration, Instant};
+
+/// Connections at a time.
+const CONNECTIONS: usize = 16;
+/// Longest request head \[bytes\].
+const HEAD: u64 = 8192;
+const PAGE: &str = include_str!("live.html");
+
+/// What the port shows.
+pub struct Http {
+    /// Counters and the draining flag.
+    pub shared: Arc<Shared>,
+    /// Set once the front is bound.
+    pub ready: Arc<AtomicBool>,
+    /// Pictures, where the live page is on.
+    pub live: Option<Arc<Live>>,
+}
+
+impl Http {
+    /// Binds and serves on a thread of its own, which lives as long as the process.
+    ///
+    /// # Errors
+    /// An address that is not of this machine's loopback, or is taken: a sentence.
+    pub fn start(self, address: SocketAddr) -> Result<SocketAddr, String> {
+        if !address.ip().is_loopback() {
+            return Err(format!("--http {address} is refused: metrics are for this machine only"));
+        }
+        let listener = TcpListener::bind(address).map_err(|e| format!("--http {address}: {e}"))?;
+        let bound = listener.local_addr().map_err(|e| e.to_string())?;
+        let (http, open) = (Arc::new(self), Arc::new(AtomicUsize::new(0)));
+        let accept = move || {
+            for stream in listener.incoming().flatten() {
+                if open.fetch_add(1, Relaxed) >= CONNECTIONS {
+                    open.fetch_sub(1, Relaxed);
+                    continue;
+                }
+                let (http, guard) = (http.clone(), open.clone());
+                let answer = move || {
+                    // The peer went away: nobody is left to be told.
+                    let _ = http.answer(stream);
+                    guard.fetch_sub(1, Relaxed);
+                };
+                if std::thread::Builder::new().name("http".into()).spawn(answer).is_err() {
+                    open.fetch_sub(1, Relaxed);
+                }
+            }
+        };
+        let thread = std::thread::Builder::new().name("http-accept".into()).spawn(accept);
+        thread.map(|_| bound).map_err(|e| e.to_string())
+    }
+
+    fn answer(&self, mut stream: TcpStream) -> std::io::Result<()> {
+        stream.set_read_timeout(Some(Duration::from_secs(2)))?;
+        stream.set_write_timeout(Some(Duration::from_secs(2)))?;
+        let mut reader = BufReader::new(stream.try_clone()?.take(HEAD));
+        let mut first = String::new();
+        reader.read_line(&mut first)?;
+        let mut local = true;
+        loop {
+            let mut line = String::new();
+            if reader.read_line(&mut line)? == 0 || line.trim().is_empty() {
+                break;
+            }
+            // A page of another site must not read this one under a name of its own.
+            if let Some((name, value)) = line.split_once(':')
+                && name.eq_ignore_ascii_case("host")
+            {
+                local = is_local(value.trim());
+            }
+        }
+        let mut words = first.split_whitespace();
+        let (method, path) = (words.next().unwrap_or(""), words.next().unwrap_or(""));
+        if !local {
+            return reply(
+                &mut stream,
+                "403 Forbidden",
+                "text/plain",
+                "this port has local names only\n",
+            );
+        }
+        if method != "GET" {
+            return reply(&mut stream, "405 Method Not Allowed", "text/plain", "GET only\n");
+        }
+        let draining = self.shared.draining.load(Relaxed);
+        match (path, &self.live) {
+            ("/healthz", _) => reply(&mut stream, "200 OK", "text/plain", "ok\n"),
+            ("/readyz", _) if self.ready.load(Relaxed) && !draining => {
+                reply(&mut stream, "200 OK", "text/plain", "ready\n")
+            }
+            ("/readyz", _) => {
+                reply(&mut stream, "503 Service Unavailable", "text/plain", "not ready\n")
+            }
+            ("/metrics", _) => {
+                let text = self.shared.metrics.prometheus();
+                reply(&mut stream, "200 OK", "text/plain; version=0.0.4", &text)
+            }
+            ("/" | "/live", Some(_)) => {
+                reply(&mut stream, "200 OK", "text/html; charset=utf-8", PAGE)
+            }
+            ("/events", Some(live)) => self.events(&mut stream, live),
+            _ => reply(&mut stream, "404 Not Found", "text/plain", "not found\n"),
+        }
+    }
+
+    /// Server-sent events until the page is closed or the server stops.
+    fn events(&self, stream: &mut TcpStream, live: &Live) -> std::io::Result<()> {
+        stream.write_all(head("200 OK", "text/event-stream", None).as_bytes())?;
+        let _watcher = live.watch();
+        let (mut steps, mut since) = (None, Instant::now());
+        while !self.shared.draining.load(Relaxed) {
+            let m = &self.shared.metrics;
+            let now = m.env_steps.load(Relaxed);
+            let rate = steps.map(|before| (now - before) as f64 / since.elapsed().as_secs_f64());
+            (steps, since) = (Some(now), Instant::now());
+            let errors: u64 = crate::error::CODES.iter().map(|code| m.errors(*code)).sum();
+            let data = json!({
+                "sessions": m.sessions.load(Relaxed), "env_steps": now, "rate": rate,
+                "errors": errors, "replayed": m.replayed.load(Relaxed),
+                "denied": m.denied.load(Relaxed), "shown": live.sessions(),
+            });
+            write!(stream, "data: {data}\n\n")?;
+            stream.flush()?;
+            std::thread::sleep(Live::INTERVAL);
+        }
+        Ok(())
+    }
+}
+
+/// Names and addresses of this machine, with any port.
+fn is_local(host: &str) -> bool {
+    let name = if host.starts_with('[') {
+        host.split_inclusive(']').next().unwrap_or("")
+    } else {
+        host.split(':').next().unwrap_or("")
+    };
+    ["localhost", "127.0.0.1", "[::1]"].contains(&name)
+}
+
+fn head(status: &str, kind: &str, length: Option<usize>) -> String {
+    let length = length.map(|n| format!("Content-Length: {n}\r\n")).unwrap_or_default();
+    format!(
+        "HTTP/1.1 {status}\r\nContent-Type: {kind}\r\n{length}Connection: close\r\n\
+         Cache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\n\
+         Content-Security-Policy: default-src 'none'; connect-src 'self'; \
+         script-src 'unsafe-inline'; style-src 'unsafe-inline'; frame-ancestors 'none'\r\n\r\n"
+    )
+}
+
+fn reply(stream: &mut TcpStream, status: &str, kind: &str, body: &str) -> std::io::Result<()> {
+    stream.write_all(head(status, kind, Some(body.len())).as_bytes())?;
+    stream.write_all(body.as_bytes())
+}

@@ -1,0 +1,204 @@
+//! The server over ZeroMQ: bind, authenticate, serve, stop.
+
+pub mod cli;
+pub mod http;
+pub mod keys;
+pub mod router;
+pub mod signals;
+pub mod zap;
+
+use crate::limits::Limits;
+use crate::live::Live;
+use crate::run::{Allowed, Setup, run};
+use crate::server::Server;
+use crate::shared::Shared;
+use http::Http;
+use router::{HIGH_WATER_MARK, Identify, Router, Security};
+use std::collections::HashMap;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::{Arc, RwLock};
+use std::time::{Duration, Instant};
+use tracing::{info, warn};
+
+/// Time between looks at the key directory; a removed key is out within twice this and a tick.
+const KEYS_EVERY: Duration = Duration::from_secs(1);
+
+/// How to serve.
+#[derive(Clone, Debug)]
+pub struct Config {
+    /// `tcp://ADDRESS:PORT` (port 0: a free one) or `ipc://PATH`.
+    pub bind: String,
+    /// Directory with `secret.key` and `authorized/`; `None`: no encryption, nobody is asked.
+    pub keys: Option<PathBuf>,
+    /// Serve strangers without keys.
+    pub insecure_no_auth: bool,
+    /// What is granted.
+    pub limits: Limits,
+    /// Threads that compute; `None`: the calling one on up to three cores, one a core beyond.
+    pub workers: Option<u8>,
+    /// Local port for metrics and health.
+    pub http: Option<SocketAddr>,
+    /// Show the live page there.
+    pub live: bool,
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Config {
+            bind: "tcp://127.0.0.1:5555".into(),
+            keys: None,
+            insecure_no_auth: false,
+            limits: Limits::default(),
+            workers: None,
+            http: None,
+            live: false,
+        }
+    }
+}
+
+/// Users by name with their keys, as the key directory has them now.
+type Users = Arc<RwLock<HashMap<String, keys::User>>>;
+
+/// Serves until SIGTERM or SIGINT. `bound` is told the real address, and that of the local port.
+///
+/// # Errors
+/// What keeps the server from starting, or breaks it: a sentence.
+pub fn serve(config: &Config, bound: impl FnOnce(&str, Option<SocketAddr>)) -> Result<(), String> {
+    if config.limits.window > HIGH_WATER_MARK as usize / 2 {
+        let most = HIGH_WATER_MARK / 2;
+        return Err(format!("a window of {} is refused: at most {most}", config.limits.window));
+    }
+    if config.keys.is_none() && !config.insecure_no_auth && !is_local(&config.bind) {
+        return Err(format!(
+            "{} can be reached from other machines, and no keys are configured. Make keys with \
+             'rodgym-server keygen DIR', put users' public keys into DIR/authorized/NAME.key and \
+             serve with --keys DIR; or allow everybody with --insecure-no-auth",
+            config.bind
+        ));
+    }
+    if config.live && config.http.is_none() {
+        return Err("--live needs --http ADDRESS:PORT".into());
+    }
+    let signals = signals::Signals::take();
+    let shared = Arc::new(Shared::new(config.limits.clone(), random_hex(8)));
+    let context = zmq::Context::new();
+    let users = Users::default();
+    let security = match &config.keys {
+        None => Security::Open,
+        Some(directory) => {
+            if zmq::has("curve") != Some(true) {
+                return Err("this libzmq has no CURVE".into());
+            }
+            let pair = keys::load(directory)?;
+            refresh(directory, &users, &shared);
+            zap::start(&context, directory.clone(), shared.clone())
+                .map_err(|e| format!("the authentication handler cannot be bound: {e}"))?;
+            Security::Curve(pair.secret)
+        }
+    };
+    let ready = Arc::new(AtomicBool::new(false));
+    let live = Arc::new(Live::default());
+    let http = config.http.map(|address| {
+        let live = config.live.then(|| live.clone());
+        Http { shared: shared.clone(), ready: ready.clone(), live }.start(address)
+    });
+    let http = http.transpose()?;
+    let with_keys = config.keys.is_some();
+    let mut router = Router::bind(
+        &context,
+        &config.bind,
+        &security,
+        config.limits.message_bytes,
+        identify(users.clone(), with_keys),
+    )
+    .map_err(|e| format!("{} cannot be bound: {e}", config.bind))?;
+    info!(endpoint = router.endpoint(), curve = with_keys, epoch = shared.epoch, "serving");
+    bound(router.endpoint(), http);
+    ready.store(true, Relaxed);
+
+    let stop = watch(config, users.clone(), shared.clone());
+    let allowed: Allowed =
+        Arc::new(move |user| !with_keys || users.read().expect("no panic").contains_key(user));
+    let shards = shards(config.workers);
+    let servers =
+        (0..shards).map(|i| Server::new(shared.clone(), Box::new(random_id)).shard(i, shards));
+    let setup = Setup { shared: shared.clone(), shards: servers.collect(), allowed, live, stop };
+    let outcome = run(&mut router, setup).map_err(|e| e.to_string());
+    info!("stopped");
+    // The signals come back first: closing may wait for unsent replies (500 ms).
+    drop((signals, router));
+    outcome
+}
+
+fn shards(asked: Option<u8>) -> u8 {
+    let cores = std::thread::available_parallelism().map_or(1, |n| n.get().min(64) as u8);
+    match asked {
+        Some(n) => n.clamp(1, 64),
+        None if cores >= 4 => cores - 1,
+        None => 1,
+    }
+}
+
+/// What the loop asks between requests: looks at the keys now and then, and at signals.
+fn watch(config: &Config, users: Users, shared: Arc<Shared>) -> Box<dyn Fn() -> bool> {
+    let directory = config.keys.clone();
+    let warn_open = config.insecure_no_auth && directory.is_none() && !is_local(&config.bind);
+    let keys_due = std::cell::Cell::new(Instant::now());
+    let warning_due = std::cell::Cell::new(Instant::now());
+    Box::new(move || {
+        let now = Instant::now();
+        if let Some(directory) = &directory
+            && now >= keys_due.get()
+        {
+            keys_due.set(now + KEYS_EVERY);
+            refresh(directory, &users, &shared);
+        }
+        if warn_open && now >= warning_due.get() {
+            warning_due.set(now + Duration::from_secs(60));
+            warn!("everybody who reaches this address may use it (--insecure-no-auth)");
+        }
+        signals::stop_requested()
+    })
+}
+
+fn refresh(directory: &std::path::Path, users: &Users, shared: &Shared) {
+    let (found, _) = keys::authorized(directory);
+    let limits = found.iter().map(|(name, user)| (name.clone(), user.limits)).collect();
+    *shared.users.write().expect("no panic while held") = limits;
+    *users.write().expect("no panic while held") = found;
+}
+
+/// `NAME/KEY` of a connection to NAME, while that is still NAME's key.
+fn identify(users: Users, with_keys: bool) -> Identify {
+    Box::new(move |id| {
+        if !with_keys {
+            return Some("local".into());
+        }
+        let (name, key) = id?.split_once('/')?;
+        let users = users.read().expect("no panic while held");
+        users.get(name).filter(|user| user.public == key).map(|_| name.to_string())
+    })
+}
+
+/// Addresses that only this machine reaches.
+fn is_local(endpoint: &str) -> bool {
+    if endpoint.starts_with("ipc://") {
+        return true;
+    }
+    let Some(rest) = endpoint.strip_prefix("tcp://") else { return false };
+    let host = rest.rsplit_once(':').map_or(rest, |(host, _)| host);
+    let host = host.trim_start_matches('[').trim_end_matches(']');
+    host == "localhost" || host.parse::<std::net::IpAddr>().is_ok_and(|ip| ip.is_loopback())
+}
+
+fn random_id() -> u128 {
+    let mut bytes = [0; 16];
+    getrandom::fill(&mut bytes).expect("the operating system gives random bytes");
+    u128::from_ne_bytes(bytes)
+}
+
+fn random_hex(bytes: usize) -> String {
+    format!("{:032x}", random_id())[..2 * bytes].into()
+}

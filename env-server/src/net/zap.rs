@@ -1,0 +1,82 @@
+//! Who may come in: the ZeroMQ authentication protocol (RFC 27), answered from the key directory at
+//! every handshake.
+
+use super::keys;
+use crate::metrics::Metrics;
+use crate::shared::Shared;
+use std::panic::catch_unwind;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
+use std::thread::JoinHandle;
+use tracing::{info, warn};
+
+/// The address that libzmq asks.
+const ADDRESS: &str = "inproc://zeromq.zap.01";
+/// Name of our security domain; libzmq only asks when there is one.
+pub const DOMAIN: &str = "rodgym";
+
+/// Binds the handler and starts its thread; it ends with the context. Must come before the front
+/// binds, since libzmq would not ask a handler that is not there.
+///
+/// # Errors
+/// The address is taken.
+pub fn start(
+    context: &zmq::Context,
+    directory: PathBuf,
+    shared: Arc<Shared>,
+) -> Result<JoinHandle<()>, zmq::Error> {
+    let socket = context.socket(zmq::REP)?;
+    socket.set_linger(0)?;
+    socket.bind(ADDRESS)?;
+    let work = move || {
+        while let Ok(request) = socket.recv_multipart(0) {
+            let reply = answer(&request, &directory, &shared.metrics);
+            if socket.send_multipart(reply, 0).is_err() {
+                return;
+            }
+        }
+    };
+    Ok(std::thread::Builder::new().name("zap".into()).spawn(work).expect("a thread can be made"))
+}
+
+/// One decision. Frames: version, request, domain, address, identity, mechanism, credentials.
+fn answer(request: &[Vec<u8>], directory: &Path, metrics: &Metrics) -> Vec<Vec<u8>> {
+    let number = request.get(1).cloned().unwrap_or_default();
+    let address =
+        request.get(3).map(|a| String::from_utf8_lossy(a).into_owned()).unwrap_or_default();
+    // Whatever goes wrong in here denies.
+    let decision = catch_unwind(|| decide(request, directory))
+        .unwrap_or_else(|_| Err("the handler failed".into()));
+    let (status, text, user) = match decision {
+        Ok((name, key)) => {
+            info!(user = name, address, "admitted");
+            // The key goes along: a connection made with a replaced key can be told apart.
+            ("200", "OK", format!("{name}/{key}"))
+        }
+        Err(reason) => {
+            metrics.denied.fetch_add(1, Relaxed);
+            warn!(address, reason, "handshake denied");
+            ("400", "denied", String::new())
+        }
+    };
+    [b"1.0".to_vec(), number, status.into(), text.into(), user.into_bytes(), vec![]].into()
+}
+
+fn decide(request: &[Vec<u8>], directory: &Path) -> Result<(String, String), String> {
+    let [version, _, domain, _, _, mechanism, credentials] = request else {
+        return Err(format!("the request has {} frames instead of 7", request.len()));
+    };
+    if version != b"1.0" || domain != DOMAIN.as_bytes() || mechanism != b"CURVE" {
+        return Err("only CURVE in our own domain is accepted".into());
+    }
+    let key = zmq::z85_encode(credentials).map_err(|e| e.to_string())?;
+    let (users, problems) = keys::authorized(directory);
+    for problem in problems {
+        warn!(problem, "a key file is ignored");
+    }
+    match users.into_iter().find(|(_, user)| user.public == key) {
+        Some((name, _)) => Ok((name, key)),
+        None => Err(format!("key {key} is not in {}", directory.join("authorized").display())),
+    }
+}

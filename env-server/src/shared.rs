@@ -1,0 +1,79 @@
+//! What the shards of a server share: limits, counters, and places for sessions.
+
+use crate::error::{Code, Refusal};
+use crate::limits::{Limits, UserLimits};
+use crate::metrics::Metrics;
+use std::collections::HashMap;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::{Mutex, RwLock};
+
+/// What all shards of a server have in common.
+pub struct Shared {
+    /// What is granted.
+    pub limits: Limits,
+    /// Changes with every start.
+    pub epoch: String,
+    /// Counters.
+    pub metrics: Metrics,
+    /// Limits of single users.
+    pub users: RwLock<HashMap<String, UserLimits>>,
+    /// Set while the server is going down: no new sessions.
+    pub draining: AtomicBool,
+    /// Sessions by user.
+    quota: Mutex<HashMap<String, usize>>,
+}
+
+impl Shared {
+    /// A new server's common part.
+    pub fn new(limits: Limits, epoch: impl Into<String>) -> Self {
+        Shared {
+            limits,
+            epoch: epoch.into(),
+            metrics: Metrics::default(),
+            users: RwLock::default(),
+            draining: AtomicBool::new(false),
+            quota: Mutex::default(),
+        }
+    }
+
+    /// What the key file of `user` says.
+    pub(crate) fn user_limits(&self, user: &str) -> UserLimits {
+        self.users.read().expect("no panic while held").get(user).copied().unwrap_or_default()
+    }
+
+    /// Takes a place for a session of `user`.
+    pub(crate) fn admit(&self, user: &str) -> Result<(), Refusal> {
+        let most = self.user_limits(user).sessions.unwrap_or(self.limits.sessions_per_user);
+        let mut quota = self.quota.lock().expect("no panic while held");
+        let all: usize = quota.values().sum();
+        if all >= self.limits.sessions {
+            let text = format!("all {} sessions of this server are taken", self.limits.sessions);
+            return Err(Refusal::later(Code::Busy, text, 1000));
+        }
+        let mine = quota.entry(user.into()).or_default();
+        if *mine >= most {
+            let text = format!("user '{user}' has {mine} sessions already; {most} are allowed");
+            return Err(Refusal::later(Code::Limit, text, 1000));
+        }
+        *mine += 1;
+        self.metrics.sessions.store(all as u64 + 1, Relaxed);
+        Ok(())
+    }
+
+    /// Gives a place back.
+    pub(crate) fn release(&self, user: &str) {
+        let mut quota = self.quota.lock().expect("no panic while held");
+        if let Some(mine) = quota.get_mut(user) {
+            *mine -= 1;
+            if *mine == 0 {
+                quota.remove(user);
+            }
+        }
+        self.metrics.sessions.store(quota.values().sum::<usize>() as u64, Relaxed);
+    }
+
+    /// Sessions of `user` now.
+    pub(crate) fn sessions_of(&self, user: &str) -> usize {
+        self.quota.lock().expect("no panic while held").get(user).copied().unwrap_or(0)
+    }
+}
