@@ -1,0 +1,31 @@
+"""Elastic rods as reinforcement-learning environments.
+
+Importing registers the environments, so that `gym.make("rodgym:rodgym/PendulumSwingUp-v0")` works
+alone. Parts that need more than numpy and gymnasium are imported when first used: `rodgym.sb3`,
+`rodgym.baselines`, `rodgym.remote`.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+from rodgym._native import __version__
+from rodgym._registration import ENVIRONMENTS, register_all
+from rodgym.errors import RodgymError
+
+__all__ = ["ENVIRONMENTS", "RodgymError", "__version__"]
+
+_SUBMODULES = frozenset({"baselines", "envs", "errors", "remote", "sb3", "sim", "vector"})
+
+register_all()
+
+
+def __getattr__(name: str) -> Any:
+    if name in _SUBMODULES:
+        return importlib.import_module(f"rodgym.{name}")
+    raise AttributeError(f"module 'rodgym' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_SUBMODULES})

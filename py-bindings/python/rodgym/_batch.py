@@ -1,0 +1,151 @@
+"""A native batch with seeds completed and results named: what the vector environments share."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium.utils import seeding
+
+from rodgym import _native
+from rodgym._machine import Member, picture_size
+from rodgym.errors import EnvIndexError, ParameterError, ShapeError
+
+Flags = npt.NDArray[np.bool_]
+Floats = npt.NDArray[np.float64]
+Observations = npt.NDArray[np.float32]
+Seeds = int | list[int | None] | None
+
+
+class Result(NamedTuple):
+    """Arrays of a step or reset of n environments, zero where they do not apply."""
+
+    observation: Observations
+    reward: Floats
+    terminated: Flags
+    truncated: Flags
+    #: (n, d), where an episode ended in mode SameStep.
+    final_observation: Observations
+    #: (n, k) reward terms, then metrics, where a step was taken.
+    terms: Floats
+    #: (n, p) where an episode began.
+    parameters: Floats
+    stepped: Flags
+    began: Flags
+    solver_failure: Flags
+
+
+class SeededBatch:
+    """A native batch that never starts from an unknown random stream.
+
+    Environments that had no seed yet take one from NumPy's generator; afterwards resets without a
+    seed continue the streams in Rust.
+    """
+
+    def __init__(
+        self,
+        env_id: str,
+        num_envs: int,
+        kwargs: dict[str, Any],
+        autoreset_mode: str,
+        max_episode_steps: int | None,
+        num_threads: int | None,
+        render_mode: str | None = None,
+        render_size: tuple[int, int] | None = None,
+    ) -> None:
+        if render_mode not in (None, "rgb_array"):
+            raise ParameterError(
+                f"render_mode = {render_mode!r} is not allowed for a batch: "
+                "it must be None or 'rgb_array'"
+            )
+        self.native = self._make(
+            env_id, num_envs, kwargs, autoreset_mode, max_episode_steps, num_threads
+        )
+        self.about = self.native.spec
+        self.num_envs = self.native.num_envs
+        size = picture_size(render_size)
+        #: One light object an environment: its plant, snapshots and picture.
+        self.members = [Member(self.native, i, render_mode, size) for i in range(self.num_envs)]
+        self._unseeded = np.ones(self.num_envs, dtype=np.bool_)
+
+    def _make(self, *args: Any) -> _native.Batch:
+        """The batch itself; elsewhere for environments on a server."""
+        return _native.Batch(*args)
+
+    @property
+    def needs_seeds(self) -> bool:
+        """Whether some environment never had a seed."""
+        return bool(self._unseeded.any())
+
+    def reset(
+        self,
+        seed: Seeds,
+        mask: Flags | None,
+        options: dict[str, Any] | None,
+        generator: np.random.Generator | None = None,
+        out: Observations | None = None,
+    ) -> Result:
+        """Starts episodes, in all environments or where `mask` is set.
+
+        `generator` gives seeds to environments that never had one (operating-system entropy if
+        None).
+        """
+        if isinstance(seed, np.integer):
+            seed = int(seed)
+        elif seed is not None and not isinstance(seed, int):
+            seed = list(seed)
+            if len(seed) != self.num_envs:
+                raise ShapeError(f"seed is a list of {len(seed)}, but {self.num_envs} are needed")
+        needy = self._unseeded if mask is None else self._unseeded & mask
+        if not isinstance(seed, int) and needy.any():
+            if generator is None:
+                generator, _ = seeding.np_random()
+            fresh = generator.integers(2**63, size=self.num_envs).tolist()
+            given = [None] * self.num_envs if seed is None else seed
+            seed = [fresh[i] if own is None and needy[i] else own for i, own in enumerate(given)]
+        result = Result._make(self.native.reset(seed, mask, options, out))
+        self._unseeded &= ~result.began
+        return result
+
+    def step(self, actions: Any, out: Observations | None = None) -> Result:
+        """One control step of every environment."""
+        return Result._make(self.native.step(actions, out))
+
+    def get_state(self, indices: Any = None) -> list[bytes]:
+        """Snapshots of all environments, or of those in `indices`."""
+        return [self.native.get_state(i) for i in self._indices(indices)]
+
+    def set_state(self, states: list[bytes], indices: Any = None) -> Observations:
+        """Puts snapshots in place, all or none; returns the last observations (n, d)."""
+        chosen = self._indices(indices)
+        if isinstance(states, bytes) or len(states) != len(chosen):
+            count = 1 if isinstance(states, bytes) else len(states)
+            raise ShapeError(f"{count} states were given for {len(chosen)} environments")
+        before: list[tuple[int, bytes]] = []
+        try:
+            for i, state in zip(chosen, states, strict=True):
+                own = None if self._unseeded[i] else self.native.get_state(i)
+                self.native.set_state(i, state)
+                if own is not None:
+                    before.append((i, own))
+        except Exception:
+            for i, own in reversed(before):
+                self.native.set_state(i, own)
+            raise
+        self._unseeded[chosen] = False
+        return np.stack([self.native.observe(i) for i in range(self.num_envs)])
+
+    def _indices(self, indices: Any) -> list[int]:
+        chosen = np.arange(self.num_envs)
+        if indices is None:
+            return chosen.tolist()
+        given = np.atleast_1d(indices)
+        if given.dtype == np.bool_ and given.shape == chosen.shape:
+            return chosen[given].tolist()
+        for i in given.tolist():
+            if not isinstance(i, int) or not 0 <= i < self.num_envs:
+                raise EnvIndexError(
+                    f"environment {i} does not exist: the batch has {self.num_envs}"
+                )
+        return given.tolist()

@@ -1,0 +1,168 @@
+"""What one environment shows of its machine, be it alone or one of a batch."""
+
+from __future__ import annotations
+
+import operator
+from enum import Enum
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium.spaces import Box
+
+from rodgym import _native
+from rodgym.errors import ParameterError
+
+if TYPE_CHECKING:
+    from rodgym._native import Batch
+    from rodgym.sim import Fin, Pendulum
+
+Array = npt.NDArray[np.float64]
+Frame = npt.NDArray[np.uint8]
+
+
+def box(space: dict[str, Any]) -> Any:
+    """A Gymnasium `Box` from the core's bounds."""
+    low, high = (np.asarray(space[side], dtype=np.float32) for side in ("low", "high"))
+    return Box(low, high, dtype=np.float32)
+
+
+def plain(value: Any) -> Any:
+    """The value in types that JSON knows: enums by value, NumPy's types as Python's."""
+    if isinstance(value, Enum):
+        return value.value
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    if isinstance(value, dict):
+        return {key: plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return type(value)(plain(item) for item in value)
+    return value
+
+
+def picture_size(size: Any) -> tuple[int, int] | None:
+    """`render_size`, checked: None, or width and height in pixels."""
+    if size is None:
+        return None
+    low, high = _native.PICTURE_LIMITS
+    try:
+        width, height = (operator.index(side) for side in size)
+    except (TypeError, ValueError):
+        width = height = 0
+    if not (low <= width <= high and low <= height <= high):
+        raise ParameterError(
+            f"render_size = {size!r} is not allowed: it must be None or (width, height), "
+            f"whole numbers from {low} to {high}"
+        )
+    return width, height
+
+
+class Machine:
+    """One environment's plant and snapshots: environment number `_index` of `_batch`."""
+
+    _batch: Batch
+    _index: int = 0
+    _render_size: tuple[int, int] | None = None
+
+    def get_state(self) -> bytes:
+        """Everything about this environment: physics, random stream, episode clock; versioned
+        bytes.
+
+        The step counter of Gymnasium's `TimeLimit` wrapper is not part of it.
+        """
+        return self._batch.get_state(self._index)
+
+    def set_state(self, state: bytes) -> npt.NDArray[np.float32]:
+        """Goes to a state that `get_state` of the same kind of environment returned.
+
+        Returns:
+            The observation that the environment had returned last when the state was taken.
+
+        Raises:
+            SnapshotError: the bytes are damaged or belong elsewhere; nothing changes then.
+        """
+        self._batch.set_state(self._index, state)
+        return self._batch.observe(self._index)
+
+    @property
+    def positions(self) -> Array:
+        """Positions of the nodes [m], shape (nodes, 2), a copy."""
+        return self._batch.nodes(self._index)[0]
+
+    @property
+    def velocities(self) -> Array:
+        """Velocities of the nodes [m/s], shape (nodes, 2), a copy."""
+        return self._batch.nodes(self._index)[1]
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Physical parameters of this episode, by keyword."""
+        return self._batch.parameters(self._index)
+
+    @property
+    def config(self) -> dict[str, Any]:
+        """Every keyword of the environment with its value, defaults filled in."""
+        return dict(self._batch.spec["config"])
+
+    @property
+    def control_dt(self) -> float:
+        """Duration of a step [s]."""
+        return float(self._batch.spec["control_dt"])
+
+    @property
+    def physics_dt(self) -> float:
+        """Duration of a physics step [s]."""
+        return float(self._batch.spec["physics_dt"])
+
+    @property
+    def fin(self) -> Fin:
+        """A copy of the fin as it is now; stepping it leaves the environment alone."""
+        from rodgym.sim import Fin
+
+        return Fin.of(self)
+
+    @property
+    def rod(self) -> Pendulum:
+        """A copy of the plant as it is now; stepping it leaves the environment alone."""
+        from rodgym.sim import Pendulum
+
+        return Pendulum.of(self)
+
+    def scene(self) -> dict[str, Any]:
+        """What there is to draw: nodes, thickness, curvature, action, time, named values."""
+        return self._batch.scene(self._index)
+
+    def frame(self, width: int | None = None, height: int | None = None) -> Frame:
+        """A picture of this environment, shape (height, width, 3), without a display."""
+        return self._batch.render(self._index, *self._size(width, height))
+
+    def svg(self, width: int | None = None, height: int | None = None) -> str:
+        """The same picture as an SVG document, for figures."""
+        return self._batch.svg(self._index, *self._size(width, height))
+
+    def _size(self, width: int | None, height: int | None) -> tuple[int | None, int | None]:
+        usual = self._render_size or (None, None)
+        return (usual[0] if width is None else width, usual[1] if height is None else height)
+
+
+class Member(Machine):
+    """One environment of a batch: what `call`, `get_attr` and `env_method` reach."""
+
+    def __init__(
+        self,
+        batch: Batch,
+        index: int,
+        render_mode: str | None = None,
+        render_size: tuple[int, int] | None = None,
+    ) -> None:
+        self._batch = batch
+        self._index = index
+        self._render_size = render_size
+        self.render_mode = render_mode
+
+    def render(self) -> Frame | None:
+        """The picture, if the batch was made with render_mode="rgb_array"."""
+        return self.frame() if self.render_mode == "rgb_array" else None
+
+    def __repr__(self) -> str:
+        return f"<environment {self._index} of {self._batch!r}>"

@@ -1,0 +1,238 @@
+"""Controllers designed for an environment, playing one episode or a batch of them."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from rodgym import _native
+from rodgym.errors import ParameterError, ShapeError
+
+State = npt.NDArray[np.float64]
+Action = npt.NDArray[np.float32]
+Self = TypeVar("Self", bound="Controller")
+
+
+def describe(env: Any) -> tuple[dict[str, Any], int]:
+    """Keywords and observation length of an environment, however it is wrapped.
+
+    Takes an environment of rodgym, a vector environment or a Stable-Baselines3 `VecEnv`, with
+    wrappers that leave the observation as it is.
+    """
+    base = getattr(env, "unwrapped", env)
+    config = getattr(base, "config", None)
+    if config is None:
+        for name in ("get_attr", "call"):
+            if hasattr(env, name):
+                config = getattr(env, name)("config")[0]
+                break
+    if not isinstance(config, dict):
+        raise ParameterError(f"env = {env!r} is not allowed: it must be an environment of rodgym")
+    space = getattr(env, "single_observation_space", None) or env.observation_space
+    if len(space.shape) != 1:
+        raise ParameterError(
+            f"observation_space = {space} is not allowed: it must be the one that rodgym defines"
+        )
+    return config, int(space.shape[0])
+
+
+class Controller:
+    """A control law with the `predict` of a Stable-Baselines3 policy.
+
+    The law has no memory of its own: what it knows of an episode (a clock, an estimate) is the
+    `state` that `predict` returns and takes again.
+    """
+
+    #: Name in `CONTROLLERS`, set by each law.
+    name: ClassVar[str]
+
+    def __init__(self, config: dict[str, Any], observation_size: int) -> None:
+        """Designs the law for an environment's `config` (see `for_env`)."""
+        self._native = _native.Controller(self.name, config, observation_size)
+
+    @classmethod
+    def for_env(cls: type[Self], env: Any) -> Self:
+        """Designs the law for an environment, a vector environment or an SB3 `VecEnv`.
+
+        Raises:
+            ParameterError: not an environment that this law can play.
+            DesignError: the design has no solution.
+        """
+        return cls(*describe(env))
+
+    @property
+    def config(self) -> dict[str, Any]:
+        """Keywords of the environment it was designed for."""
+        return self._native.config
+
+    @property
+    def state_size(self) -> int:
+        """Numbers that it remembers of an episode."""
+        return self._native.state_size
+
+    def predict(
+        self,
+        observation: npt.ArrayLike,
+        state: State | None = None,
+        episode_start: npt.ArrayLike | None = None,
+        deterministic: bool = False,
+    ) -> tuple[Action, State]:
+        """Actions for one observation or a batch.
+
+        Arguments:
+            observation: (d,) or (n, d), as the environment returns it.
+            state: what the last call returned, (n, state_size); None starts every episode.
+            episode_start: (n,) flags of episodes that begin with this observation.
+            deterministic: for the sake of the signature; the laws draw nothing.
+
+        Returns:
+            Actions (1,) or (n, 1) in [-1, 1], float32, and the next state.
+
+        Raises:
+            ShapeError: arrays that do not belong together. The state given is never changed.
+        """
+        array = np.asarray(observation, dtype=np.float32)
+        if array.ndim not in (1, 2):
+            raise ShapeError(f"observation has shape {array.shape}, but (d,) or (n, d) is needed")
+        rows = np.atleast_2d(array)
+        n = rows.shape[0]
+        if state is None:
+            state = np.zeros((n, self._native.state_size))
+            start = np.ones(n, dtype=bool)
+        elif episode_start is None:
+            start = np.zeros(n, dtype=bool)
+        else:
+            start = np.atleast_1d(np.asarray(episode_start, dtype=bool))
+        memory = np.asarray(state, dtype=np.float64)
+        if start.shape != (n,) or memory.shape != (n, self._native.state_size):
+            raise ShapeError(
+                f"state has shape {memory.shape} and episode_start {start.shape}, but "
+                f"{(n, self._native.state_size)} and {(n,)} are needed"
+            )
+        action, memory = self._native.predict(rows, memory, start)
+        return (action[0] if array.ndim == 1 else action), memory
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}()"
+
+
+class Lqr(Controller):
+    """State feedback that swings up and balances: a sampled regulator with a large basin.
+
+    Where it does not bring the rod up, it pumps energy until it can. Needs observation="full".
+    """
+
+    name = "lqr"
+
+
+class HybridLqr(Controller):
+    """The thesis' hybrid, sampled: its weights, its open-loop swing-up, its 60 degree switch.
+
+    Needs observation="full".
+    """
+
+    name = "lqr-hybrid"
+
+
+class Lqg(Controller):
+    """Output feedback: an extended Kalman filter of order 12 at most, and the regulator of `Lqr`.
+
+    Sees base angle and rate only (observation="base"), of rods with any number of nodes. An
+    observation that is NaN is a lost sample.
+    """
+
+    name = "lqg"
+
+
+class ThesisLqr(Controller):
+    """The thesis' continuous gain, sampled and held: what becomes of it on a real motor.
+
+    Inside the implicit step it works (`rodgym.baselines.thesis_run`); held for a control period it
+    does not. Needs observation="full".
+    """
+
+    name = "thesis-lqr"
+
+
+class ThesisLqg(Controller):
+    """The thesis' observer and gain with the torque held. Sees the base edge only."""
+
+    name = "thesis-lqg"
+
+
+class Gait(Controller):
+    """A periodic pitch command for the fin, the best of its waveform.
+
+    Amplitude and frequency are found by playing the environment with all its limits: a grid, then
+    two finer grids about the best point, over the same eight episodes for every candidate (seeds
+    0 to 7, a few seconds). They are in `parameters`.
+    """
+
+    name = "gait"
+
+    @classmethod
+    def for_env(cls, env: Any, waveform: str | None = None) -> Gait:
+        """The best gait for an environment of the fin.
+
+        Arguments:
+            env: an environment, a vector environment or an SB3 `VecEnv`.
+            waveform: `"sine"`, `"square"` (a squared sine), `"triangle"`; `None`: the best of them.
+        """
+        laws = {None: cls, "sine": SineGait, "square": SquareGait, "triangle": TriangleGait}
+        if waveform not in laws:
+            known = ", ".join(repr(name) for name in laws)
+            raise ParameterError(
+                f"waveform = {waveform!r} is not allowed: it must be one of {known}"
+            )
+        return laws[waveform](*describe(env))
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """`amplitude` (of the action), `frequency` [Hz], `found_return` (mean of the search)."""
+        return self._native.parameters
+
+
+class SineGait(Gait):
+    """A sinusoid."""
+
+    name = "gait-sine"
+
+
+class SquareGait(Gait):
+    """A squared sine, tanh(2 sin) / tanh 2: it lingers at its ends."""
+
+    name = "gait-square"
+
+
+class TriangleGait(Gait):
+    """A triangle with slightly rounded corners: constant rate."""
+
+    name = "gait-triangle"
+
+
+#: Controllers by the name that the command line uses.
+CONTROLLERS: dict[str, type[Controller]] = {
+    law.name: law
+    for law in (
+        Lqr,
+        HybridLqr,
+        Lqg,
+        ThesisLqr,
+        ThesisLqg,
+        Gait,
+        SineGait,
+        SquareGait,
+        TriangleGait,
+    )
+}
+
+
+def make(name: str, env: Any) -> Controller:
+    """The controller of this name, designed for an environment."""
+    if name not in CONTROLLERS:
+        raise ParameterError(
+            f"controller = {name!r} is not allowed: it must be one of {', '.join(CONTROLLERS)}"
+        )
+    return CONTROLLERS[name].for_env(env)

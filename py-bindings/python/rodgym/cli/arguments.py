@@ -1,0 +1,104 @@
+"""Arguments that several subcommands share, and how their text is read."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from typing import Any
+
+DEFAULT_ENV = "rodgym/PendulumSwingUp-v0"
+MAX_SEEDS = 100_000
+
+
+class UsageError(Exception):
+    """Wrong input of the user: its text is shown as it is, exit code 2."""
+
+
+def env_id(text: str) -> str:
+    """An environment's id; the namespace may be left out, and so may the version."""
+    import gymnasium as gym
+
+    import rodgym  # noqa: F401  registers the ids
+
+    known = sorted(name for name in gym.registry if name.startswith("rodgym/"))
+    for candidate in (text, f"rodgym/{text}", f"rodgym/{text}-v0"):
+        if candidate in known:
+            return candidate
+    raise argparse.ArgumentTypeError(
+        f"there is no environment {text!r}; there are {', '.join(known)}"
+    )
+
+
+def key_value(text: str) -> tuple[str, Any]:
+    """Reads ``width=0.0081`` or ``randomize={"width": [0.006, 0.009]}``: JSON, else a string."""
+    key, equals, value = text.partition("=")
+    if not equals or not key.isidentifier():
+        raise argparse.ArgumentTypeError(f"{text!r} is not of the form NAME=VALUE")
+    try:
+        return key, json.loads(value)
+    except json.JSONDecodeError:
+        return key, value
+
+
+def seeds(text: str) -> range:
+    """``100`` is the seeds 0..99; ``200:300`` is 200..299."""
+    first, colon, last = text.rpartition(":")
+    try:
+        result = range(int(first) if colon else 0, int(last))
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is neither a number of seeds nor FIRST:END"
+        ) from None
+    if result.start < 0 or not 1 <= len(result) <= MAX_SEEDS:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} names {len(result)} seeds from {result.start}; "
+            f"allowed are 1 to {MAX_SEEDS} seeds, none negative"
+        )
+    return result
+
+
+def positive(text: str) -> int:
+    """A whole number of at least 1; ``1e6`` and ``1_000_000`` are read too."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = float("nan")
+    if not number >= 1 or not number.is_integer():
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of at least 1")
+    return int(number)
+
+
+def add_env(parser: argparse.ArgumentParser, default: str | None = DEFAULT_ENV) -> None:
+    """``--env`` and ``--env-arg``."""
+    shown = f"default {default}" if default else "default: the one that the policy was trained on"
+    parser.add_argument(
+        "--env", type=env_id, default=default, metavar="ID", help=f"environment ({shown})"
+    )
+    parser.add_argument(
+        "--env-arg",
+        type=key_value,
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="keyword of the environment, such as width=0.0081; may be repeated",
+    )
+
+
+def add_seeds(parser: argparse.ArgumentParser) -> None:
+    """``--seeds``."""
+    parser.add_argument(
+        "--seeds",
+        type=seeds,
+        default=range(100),
+        metavar="N|FIRST:END",
+        help="episodes to play: one per seed (default 100: the seeds 0 to 99)",
+    )
+
+
+def add_run(parser: argparse.ArgumentParser, default: str | None = None) -> None:
+    """``--name`` and ``--runs``: where results land."""
+    shown = f"default {default}" if default else "default: after the command and the environment"
+    parser.add_argument("--name", default=default, help=f"name of the run ({shown})")
+    parser.add_argument(
+        "--runs", default="runs", metavar="DIR", help="folder of all runs (default runs)"
+    )

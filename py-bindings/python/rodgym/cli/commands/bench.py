@@ -1,0 +1,44 @@
+"""Measures how fast environments step, beside MuJoCo and other simulators in the same run.
+
+Cases take turns and ratios are taken round by round, so a busy machine disturbs rates more than
+ratios. CPU time is printed beside wall clock. Other simulators are timed where they are installed
+(docs/performance/requirements.txt).
+"""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from rodgym.cli.arguments import add_run
+
+if TYPE_CHECKING:
+    from rodgym.runs import Run
+
+SUMMARY = "measure speed, beside other simulators where installed"
+EXAMPLES = """
+rodgym bench --quick
+rodgym bench --name laptop
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--quick", action="store_true", help="fewer cases and rounds: about half a minute"
+    )
+    add_run(parser, default="bench")
+
+
+def run(args: argparse.Namespace) -> int:
+    import warnings
+
+    from rodgym.bench.session import FULL, QUICK, bench
+    from rodgym.runs import Run
+
+    folder: Run = Run(args.name, args.runs)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of other simulators
+        page = bench(folder, QUICK if args.quick else FULL)
+    print(page)
+    print(f"\nwritten to {folder.path}")
+    return 0

@@ -1,0 +1,125 @@
+"""Trains an agent, plays it and the classical controllers on the same seeds, and writes a report.
+
+With --policy nothing is trained: the given policies are compared.
+"""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from rodgym.cli.arguments import UsageError, add_env, add_run, add_seeds
+from rodgym.cli.commands.train import add_training
+
+if TYPE_CHECKING:
+    from rodgym.report import Entrant
+    from rodgym.runs import Run
+
+SUMMARY = "train an agent, compare it with controllers on the same seeds, write a report"
+EXAMPLES = """
+rodgym compare
+rodgym compare --env rodgym/PendulumSwingUpBase-v0 --controller lqg,thesis-lqg
+rodgym compare --policy zoo,runs/demo/policy.zip --controller lqr --env-arg width=0.0081
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_env(parser)
+    parser.add_argument(
+        "--controller",
+        type=names,
+        metavar="NAME,...",
+        help="controllers to compare with, named by 'rodgym list' "
+        "(default: lqr, lqg or gait, whichever fits the environment)",
+    )
+    parser.add_argument(
+        "--policy",
+        type=names,
+        metavar="FILE,...",
+        help="trained policies to compare instead of training one; 'zoo' is the one of rodgym",
+    )
+    add_seeds(parser)
+    add_training(parser)
+    add_run(parser)
+
+
+def names(text: str) -> list[str]:
+    """A list separated by commas."""
+    return [name.strip() for name in text.split(",") if name.strip()]
+
+
+def default_controllers(env_id: str) -> list[str]:
+    """The classical controller that plays under the environment's own conditions."""
+    if "Fin" in env_id:
+        return ["gait"]
+    return ["lqg"] if "Base" in env_id else ["lqr"]
+
+
+def run(args: argparse.Namespace) -> int:
+    import gymnasium as gym
+
+    from rodgym.evaluation import load_policy
+    from rodgym.runs import Run, default_name
+
+    controllers = default_controllers(args.env) if args.controller is None else args.controller
+    if not controllers and not args.policy:
+        raise UsageError("nothing to compare: give --controller or --policy")
+    # A wrong name is said now, not after minutes of training.
+    env = gym.make_vec(args.env, num_envs=1, **dict(args.env_arg))
+    for name in [*controllers, *(args.policy or [])]:
+        load_policy(name, env)
+    env.close()
+    return report(args, controllers, Run(args.name or default_name("compare", args.env), args.runs))
+
+
+def report(args: argparse.Namespace, controllers: list[str], folder: Run) -> int:
+    """The work of ``compare`` and ``demo``."""
+    from rodgym.cli.commands.train import train
+    from rodgym.cli.entrants import title
+    from rodgym.evaluation import comparison_table
+    from rodgym.report import Entrant, compare, write_page
+
+    training = None
+    if args.policy:
+        entrants = [Entrant(title(source), source) for source in args.policy]
+    else:
+        training = train(args, folder)
+        entrants = [Entrant(training.recipe.algorithm, str(training.policy))]
+    entrants += [Entrant(title(source), source) for source in controllers]
+    print("evaluating and drawing ...", flush=True)
+    comparison = compare(
+        unique(entrants),
+        args.env,
+        folder,
+        seeds=args.seeds,
+        env_kwargs=dict(args.env_arg),
+        training=training,
+    )
+    folder.facts |= {"env": args.env, "env_kwargs": dict(args.env_arg), "seeds": str(args.seeds)}
+    if training is not None:
+        folder.facts |= {
+            "training_seed": training.seed,
+            "training_seconds": round(training.seconds, 1),
+            "recipe": training.recipe.as_dict(),
+        }
+    folder.write_facts()
+    page = write_page(folder, comparison)
+    print()
+    print(comparison_table(comparison.evaluations))
+    print()
+    print(f"report: {page}")
+    return 0
+
+
+def unique(entrants: list[Entrant]) -> list[Entrant]:
+    """Numbers entrants of one name, so that tables can tell them apart."""
+    from rodgym.report import Entrant
+
+    count: dict[str, int] = {}
+    result = []
+    for entrant in entrants:
+        count[entrant.name] = count.get(entrant.name, 0) + 1
+        number = count[entrant.name]
+        name = entrant.name if number == 1 else f"{entrant.name} {number}"
+        result.append(Entrant(name, entrant.policy))
+    return result

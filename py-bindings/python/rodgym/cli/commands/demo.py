@@ -1,0 +1,26 @@
+"""The tour: from nothing to a report in a few minutes.
+
+Trains a PPO agent to swing up the flexible pendulum, plays it and the LQR on the same 100 seeds,
+and writes runs/demo/report.html.
+"""
+
+from __future__ import annotations
+
+import argparse
+
+from rodgym.cli.commands import compare
+
+SUMMARY = "the tour: train an agent, compare it with the LQR, write a report"
+EXAMPLES = """
+rodgym demo
+rodgym demo --steps 200000 --name quick
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    compare.add_arguments(parser)
+    parser.set_defaults(name="demo")
+
+
+def run(args: argparse.Namespace) -> int:
+    return compare.run(args)

@@ -1,0 +1,94 @@
+"""Shows the environments, or everything about one of them."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from typing import Any
+
+from rodgym.cli.arguments import env_id
+
+#: Parts of a space.
+SPACE = ("low", "high", "names")
+
+SUMMARY = "the environments, or the keywords of one"
+EXAMPLES = """
+rodgym list
+rodgym list PendulumSwingUp
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("env", nargs="?", type=env_id, metavar="ID", help="show this one in full")
+
+
+def run(args: argparse.Namespace) -> int:
+    print(describe(args.env) if args.env else overview())
+    return 0
+
+
+def overview() -> str:
+    """One line per environment, and the names of the controllers."""
+    from rodgym import ENVIRONMENTS
+    from rodgym.evaluation import controller_names
+
+    rows = [("id", "observation", "action", "steps", "step [s]", "physics step [s]")]
+    for name in ENVIRONMENTS:
+        spec = native_spec(name)
+        rows.append(
+            (
+                name,
+                str(len(spec["observation"]["low"])),
+                str(len(spec["action"]["low"])),
+                str(spec["default_max_episode_steps"]),
+                f"{spec['control_dt']:g}",
+                f"{spec['physics_dt']:g}",
+            )
+        )
+    names = ", ".join(controller_names())
+    return f"environments\n{table(rows)}\n\ncontrollers\n  {names}"
+
+
+def describe(name: str) -> str:
+    """Spaces, reward and keywords of one environment."""
+    spec = native_spec(name)
+    seen = [
+        (f"{low:g}", f"{high:g}", what)
+        for low, high, what in zip(*(spec["observation"][k] for k in SPACE), strict=True)
+    ]
+    keywords = [
+        (p["name"], f"{p['default']:g}", f"{p['low']:g} to {p['high']:g}", p["unit"], p["doc"])
+        for p in spec["parameters"]
+    ]
+    named = {p["name"] for p in spec["parameters"]}
+    others = [(key, str(value)) for key, value in spec["config"].items() if key not in named]
+    return "\n\n".join(
+        [
+            f"{name}: {spec['default_max_episode_steps']} steps of {spec['control_dt']:g} s",
+            "observation\n" + table([("from", "to", "what"), *seen]),
+            f"action\n  {', '.join(spec['action']['names'])}",
+            f"reward, the sum of\n  {', '.join(spec['reward_terms'])}",
+            f"info at every step\n  reward_terms, {', '.join(spec['metrics'])}",
+            "physical parameters (fixed, randomised, or set at reset)\n"
+            + table([("keyword", "default", "allowed", "unit", "what"), *keywords]),
+            "other keywords\n" + table([("keyword", "default"), *others]),
+        ]
+    )
+
+
+def native_spec(name: str) -> dict[str, Any]:
+    """What the core says of an environment."""
+    import rodgym._native
+
+    spec: dict[str, Any] = rodgym._native.Batch(name, 1).spec
+    return spec
+
+
+def table(rows: Sequence[Sequence[str]]) -> str:
+    """Columns, two blanks apart."""
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    lines = [
+        "  " + "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True))
+        for row in rows
+    ]
+    return "\n".join(line.rstrip() for line in lines)

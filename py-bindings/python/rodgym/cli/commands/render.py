@@ -1,0 +1,62 @@
+"""Draws an episode: an animation (.gif), a strip of stills (.png), or a window (--show)."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from rodgym.cli.arguments import DEFAULT_ENV, UsageError, add_env, positive
+
+SUMMARY = "draw an episode as a GIF, a strip of stills, or in a window"
+EXAMPLES = """
+rodgym render lqr swing-up.gif
+rodgym render runs/demo/policy.zip strip.png --seed 7 --stills 6
+rodgym render zoo --show
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "policy", help="as for 'rodgym evaluate': a file, 'zoo', or a controller such as lqr"
+    )
+    parser.add_argument("out", nargs="?", type=Path, help="file to write: .gif or .png")
+    add_env(parser, default=None)
+    parser.add_argument("--seed", type=int, default=0, help="seed of the episode (default 0)")
+    parser.add_argument(
+        "--stills", type=positive, default=5, help="pictures in a .png strip (default 5)"
+    )
+    parser.add_argument("--show", action="store_true", help="play it in a window")
+
+
+def run(args: argparse.Namespace) -> int:
+    from rodgym.cli.entrants import resolve_env, title
+    from rodgym.evaluation import record
+
+    if args.show == (args.out is not None):
+        raise UsageError("give a file to write, or --show for a window")
+    if args.out and args.out.suffix not in (".gif", ".png"):
+        raise UsageError(f"cannot write {args.out}: its name must end in .gif or .png")
+    if args.out and not args.out.parent.is_dir():
+        raise UsageError(f"cannot write {args.out}: there is no folder {args.out.parent}")
+    if args.seed < 0:
+        raise UsageError(f"--seed {args.seed} is negative")
+    env_id, env_kwargs = resolve_env(args.policy, args.env, dict(args.env_arg), DEFAULT_ENV)
+    if args.show:
+        record(args.policy, env_id, args.seed, env_kwargs={**env_kwargs, "render_mode": "human"})
+        return 0
+    from rodgym.report import animation
+
+    episode = record(
+        args.policy,
+        env_id,
+        args.seed,
+        env_kwargs=env_kwargs,
+        name=title(args.policy),
+        frame_rate=25.0,
+    )
+    if args.out.suffix == ".gif":
+        animation.write_gif(args.out, animation.side_by_side([episode], 480), episode.frame_dt)
+    else:
+        animation.strip(episode, args.stills).save(args.out)
+    print(f"{args.out}: {episode.time[-1]:.1f} s of {env_id}, return {episode.rewards.sum():.1f}")
+    return 0

@@ -1,0 +1,46 @@
+"""Policies as named on the command line, and the environment that they play in."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from rodgym.evaluation.policies import read_card
+
+#: How a table calls the classical controllers.
+TITLES = {
+    "lqr": "LQR",
+    "lqg": "LQG",
+    "lqr-hybrid": "hybrid LQR",
+    "thesis-lqr": "thesis LQR",
+    "thesis-lqg": "thesis LQG",
+}
+
+
+def title(source: str) -> str:
+    """What a table calls a policy: ``LQR``, ``PPO`` for a trained one, else its own name."""
+    card = _card(source)
+    if card:
+        return str(card["algorithm"])
+    return TITLES.get(source, source)
+
+
+def _card(source: str) -> dict[str, Any]:
+    path = Path(source)
+    path = path / "policy.zip" if path.is_dir() else path
+    return read_card(path) if path.is_file() else {}
+
+
+def resolve_env(
+    source: str, env_id: str | None, env_kwargs: dict[str, Any], default: str
+) -> tuple[str, dict[str, Any]]:
+    """The environment asked for; without one, that in which the policy was trained, or the default.
+
+    Keywords given by the user come on top of those of the training.
+    """
+    if env_id is not None:
+        return env_id, env_kwargs
+    card = _card(source)
+    if not card:
+        return default, env_kwargs
+    return str(card["env"]), {**card.get("env_kwargs", {}), **env_kwargs}

@@ -1,0 +1,128 @@
+"""The elastic pendulum."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rodgym.envs.rod_env import RodEnv
+
+
+class PendulumEnv(RodEnv):
+    r"""A flexible rod, hinged at its base, driven by a torque there.
+
+    ## Description
+
+    The elastic pendulum of the thesis: a silicone-like rod of length L hangs from a hinge and is to
+    be swung up, or kept upright, by a torque on its first edge. It bends while it swings, and
+    upright it would buckle under its own weight: feedback has to keep it straight. The rod is a
+    planar discrete elastic rod of `nodes` nodes, with stretch, signed curvature, gravity and
+    Kelvin-Voigt bending damping; equations and errata are in docs/physics.md.
+
+    | id | task | observation | episode |
+    |---|---|---|---|
+    | `rodgym/PendulumSwingUp-v0` | from hanging to upright, and stay | every edge | 500 steps |
+    | `rodgym/PendulumBalance-v0` | stay upright | every edge | until it falls, or 1000 steps |
+    | `rodgym/PendulumSwingUpBase-v0` | as SwingUp | base edge only | 500 steps |
+
+    ## Action Space
+
+    `Box(-1, 1, (1,), float32)`, held for `control_dt` (10 ms). Values beyond are clipped, NaN and
+    infinity are refused.
+
+    | number | action | unit |
+    |---|---|---|
+    | 0 | base torque / `torque_limit`, counter-clockwise positive | 1 (0.05 N m at 1) |
+
+    ## Observation Space
+
+    `Box(float32)`, bounds finite. theta_k is the angle of edge k from hanging, counter-clockwise
+    positive: hanging is cos = 1, upright is cos = -1. With n = `nodes` - 1 edges (6):
+
+    | numbers | observation | bound | unit |
+    |---|---|---|---|
+    | 0 ... n-1 | cos(theta_k) | 1 | 1 |
+    | n ... 2n-1 | sin(theta_k) | 1 | 1 |
+    | 2n ... 3n-1 | rate of theta_k | 20, clipped | 10 rad/s |
+
+    `observation="base"` shows cos, sin and rate of the first edge only, what an encoder on the
+    motor measures. `observation="tip"` shows the tip's position x, y / L (bound 2) and velocity /
+    (10 rad/s L) (bound 20).
+
+    ## Rewards
+
+    Terms are in `info["reward_terms"]` and add up to the reward. y is the height of the tip above
+    the hinge, a the action.
+
+    | task | term | value | range |
+    |---|---|---|---|
+    | SwingUp | `height` | (1 + y / L) / 2 | 0 ... 1 |
+    | | `rate` | -0.05 min(1, mean (rate / 20 rad/s)^2) | -0.05 ... 0 |
+    | | `effort` | -0.02 a^2 | -0.02 ... 0 |
+    | Balance | `upright` | 1 while y > L / 2 | 0 or 1 |
+    | | `effort` | -0.02 a^2 | -0.02 ... 0 |
+
+    The LQR baseline returns 437 in SwingUp and 1000 in Balance; registered as solved are 400 and
+    950.
+
+    Further numbers in `info` at each step: `tip_height` y / L, `upright_error` (root mean square
+    over the edges of the distance between tangent and up: for small angles the angle in rad, 2 when
+    hanging) and `torque` [N m].
+
+    ## Starting State
+
+    SwingUp: straight rod at rest, angle U(-0.1, 0.1) rad from hanging (`start_angle`). Balance: at
+    rest, base angle pi + U(-0.05, 0.05) rad, bent so that the angle grows by U(-0.2, 0.2) rad from
+    first to last edge (`start_bend`). `info["parameters"]` has the episode's physical parameters.
+
+    `reset(options={...})` sets an episode exactly: `"parameters": {"width": 0.0081}`, and `"state":
+    {"angles": [...], "rates": [...]}` (one an edge, rad and rad/s) or `{"positions": [[x, y], ...],
+    "velocities": ...}` (one a node, m and m/s).
+
+    ## Episode End
+
+    Termination: Balance only, when the tip falls below L / 2. Truncation: after 500 or 1000 steps
+    (`gym.make(..., max_episode_steps=)`), or when the solver fails even with its smallest steps;
+    then `info["solver_failure"]` is True and the observation is still finite.
+
+    ## Arguments
+
+    | keyword | default | unit | meaning |
+    |---|---|---|---|
+    | `width` | 0.007 | m | side of the rod's square section |
+    | `length` | 0.3 | m | length at rest |
+    | `density` | 1500 | kg/m^3 | density |
+    | `youngs_modulus` | 1e7 | Pa | Young's modulus |
+    | `damping` | 0 | kg/s | force -damping v at each node |
+    | `bending_damping` | 5e-4 | s | Kelvin-Voigt bending damping |
+    | `gravity` | 9.81 | m/s^2 | pointing down |
+    | `torque_limit` | 0.05 | N m | base torque at action 1 |
+    | `nodes` | 7 | 1 | 2 to 1001 |
+    | `observation` | `"full"` | | `"full"`, `"base"` or `"tip"` |
+    | `control_dt` | 0.01 | s | duration of a step, a multiple of `physics_dt` |
+    | `physics_dt` | chosen | s | 2e-4 with Verlet, 1e-3 with an implicit stepper |
+    | `stepper` | `"auto"` | | `"verlet"` where stable, `"backward_euler"`, `"implicit"` |
+    | `start_angle` | see above | rad | (low, high) of the start angle from hanging |
+    | `start_bend` | see above | rad | (low, high) of the angle's growth along the rod |
+    | `randomize` | {} | | {parameter: (low, high)}, drawn each episode |
+    | `sensor_noise` | {} | rad, rad/s | {"angle": std, "rate": std} |
+    | `actuator_delay` | 0 | s | by which the torque lags behind the action |
+    | `torque_disturbance` | 0 | N m | standard deviation of a torque drawn each step |
+    | `thesis` | False | | the thesis' parameters, stepper and step |
+    | `render_mode` | None | | `"rgb_array"`, `"human"` |
+
+    ```python
+    >>> import gymnasium as gym
+    >>> env = gym.make("rodgym:rodgym/PendulumSwingUp-v0", width=0.0081)
+    >>> observation, info = env.reset(seed=0)
+    >>> observation.shape, info["parameters"]["width"]
+    ((18,), 0.0081)
+
+    ```
+
+    ## Version History
+
+    * v0: first version.
+    """
+
+    def __init__(self, env_id: str = "rodgym/PendulumSwingUp-v0", **kwargs: Any) -> None:
+        super().__init__(env_id, **kwargs)

@@ -1,0 +1,188 @@
+"""Anything with ``predict``: where policies come from by name or by file."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from pathlib import Path
+from typing import Any, Protocol, TypeAlias
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+import rodgym
+
+AnyEnv: TypeAlias = "gym.Env[Any, Any] | gym.vector.VectorEnv[Any, Any, Any]"
+
+#: Member of a saved policy's zip file that says how it was trained.
+CARD = "rodgym.json"
+
+
+class PolicyError(rodgym.RodgymError, ValueError):
+    """A policy that cannot be found, read or used in this environment."""
+
+
+class Policy(Protocol):
+    """The signature of a Stable-Baselines3 policy, which every controller of rodgym has too."""
+
+    def predict(
+        self,
+        observation: Any,
+        state: Any = None,
+        episode_start: Any = None,
+        deterministic: bool = False,
+    ) -> tuple[Any, Any]:
+        """Actions (n, a) for observations (n, d), and the policy's own state for the next call."""
+
+
+class Random:
+    """Uniform actions from a stream of its own, the same at every evaluation."""
+
+    def __init__(self, space: gym.spaces.Box, seed: int = 0) -> None:
+        self.space = space
+        self.rng = np.random.default_rng(seed)
+
+    def predict(
+        self,
+        observation: NDArray[np.float32],
+        state: Any = None,
+        episode_start: NDArray[np.bool_] | None = None,
+        deterministic: bool = False,
+    ) -> tuple[NDArray[np.float32], None]:
+        shape = (*observation.shape[:-1], *self.space.shape)
+        return self.rng.uniform(self.space.low, self.space.high, shape).astype(np.float32), None
+
+
+class Zero:
+    """No torque, no pitch: what the machine does alone."""
+
+    def __init__(self, space: gym.spaces.Box) -> None:
+        self.space = space
+
+    def predict(
+        self,
+        observation: NDArray[np.float32],
+        state: Any = None,
+        episode_start: NDArray[np.bool_] | None = None,
+        deterministic: bool = False,
+    ) -> tuple[NDArray[np.float32], None]:
+        return np.zeros((*observation.shape[:-1], *self.space.shape), np.float32), None
+
+
+class Stacked:
+    """A policy that sees the last ``depth`` observations, oldest first, as it did in training.
+
+    Before an episode's first observation there are zeros (``VecFrameStack`` of Stable-Baselines3).
+    """
+
+    def __init__(self, policy: Policy, depth: int) -> None:
+        self.policy = policy
+        self.depth = depth
+
+    def predict(
+        self,
+        observation: NDArray[np.float32],
+        state: Any = None,
+        episode_start: NDArray[np.bool_] | None = None,
+        deterministic: bool = False,
+    ) -> tuple[Any, tuple[Any, ...]]:
+        batch = np.atleast_2d(observation)
+        size = batch.shape[1]
+        if state is None:
+            past = np.zeros((len(batch), (self.depth - 1) * size), batch.dtype)
+        else:
+            past = state[0].copy()
+            if episode_start is not None:
+                past[np.atleast_1d(episode_start)] = 0
+        seen = np.concatenate([past, batch], axis=1)
+        action, _ = self.policy.predict(
+            seen if observation.ndim == 2 else seen[0], deterministic=deterministic
+        )
+        return action, (seen[:, size:],)
+
+
+def controller_names() -> list[str]:
+    """Names that :func:`load_policy` takes beside files."""
+    from rodgym import baselines
+
+    return [*baselines.CONTROLLERS, "random", "zero"]
+
+
+def load_policy(source: str, env: AnyEnv) -> Policy:
+    """The policy called ``source``, ready for ``env`` (single or vector).
+
+    Parameters
+    ----------
+    source: a controller's name (:func:`controller_names`), ``zoo`` for the trained policy that
+        comes with rodgym, or the path of a saved policy (``runs/demo/policy.zip``)
+    env: environment that it will play in; controllers design themselves for its parameters
+
+    Raises
+    ------
+    PolicyError: unknown name, unreadable file, or a policy for other observations or actions
+    """
+    single: Any = getattr(env, "single_action_space", env.action_space)
+    if source == "random":
+        return Random(single)
+    if source == "zero":
+        return Zero(single)
+    if source in controller_names():
+        from rodgym import baselines
+
+        controller: Policy = baselines.make(source, env)
+        return controller
+    path = find(source, env)
+    return _load_trained(path, env)
+
+
+def find(source: str, env: AnyEnv) -> Path:
+    """The file of a trained policy: ``zoo``, a path, or a run's folder."""
+    if source == "zoo":
+        from rodgym.training.recipe import zoo_policy
+
+        assert env.spec is not None
+        found = zoo_policy(env.spec.id)
+        if found is None:
+            raise PolicyError(f"no trained policy for {env.spec.id} comes with rodgym")
+        return found
+    path = Path(source)
+    if path.is_dir():
+        path = path / "policy.zip"
+    if not path.is_file():
+        names = ", ".join(["zoo", *controller_names()])
+        raise PolicyError(f"policy {source!r} is neither a file nor one of {names}")
+    return path
+
+
+def read_card(path: Path) -> dict[str, Any]:
+    """What a saved policy says of its training: ``env``, ``env_kwargs``, ``algorithm``, ..."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            card = json.loads(archive.read(CARD))
+    except (zipfile.BadZipFile, KeyError, json.JSONDecodeError) as error:
+        raise PolicyError(f"{path} is not a policy saved by rodgym ({error})") from error
+    assert isinstance(card, dict)
+    return card
+
+
+def _load_trained(path: Path, env: AnyEnv) -> Policy:
+    import stable_baselines3
+    import torch
+
+    torch.set_num_threads(1)
+    card = read_card(path)
+    algorithm = getattr(stable_baselines3, str(card.get("algorithm")), None)
+    if algorithm is None:
+        raise PolicyError(f"{path}: unknown algorithm {card.get('algorithm')!r}")
+    model = algorithm.load(path, device="cpu")
+    depth = int(card.get("frame_stack", 1))
+    space: Any = getattr(env, "single_observation_space", env.observation_space)
+    action_space: Any = getattr(env, "single_action_space", env.action_space)
+    seen = model.observation_space.shape[0] // depth
+    if seen != space.shape[0] or model.action_space.shape != action_space.shape:
+        raise PolicyError(
+            f"{path} was trained in {card['env']} and sees {seen} numbers; "
+            f"this environment shows {space.shape[0]}"
+        )
+    return Stacked(model, depth) if depth > 1 else model  # type: ignore[no-any-return]

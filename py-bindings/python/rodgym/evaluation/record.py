@@ -1,0 +1,119 @@
+"""One episode looked at closely: edge angles, action, the numbers of each step, pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgym.evaluation.episodes import control_dt
+from rodgym.evaluation.policies import Policy, load_policy
+
+
+@dataclass(frozen=True)
+class Record:
+    """An episode of T steps of one policy.
+
+    ``time`` (T,) [s] is that at the end of each step; ``angles`` (T, edges) [rad] are those of
+    :func:`edge_angles`, whatever the policy sees; ``metrics`` are (T,) each; ``frames`` are
+    pictures, ``frame_dt`` apart, the first one of the start.
+    """
+
+    policy: str
+    seed: int
+    time: NDArray[np.float64]
+    rewards: NDArray[np.float64]
+    actions: NDArray[np.float32]
+    angles: NDArray[np.float64]
+    metrics: Mapping[str, NDArray[np.float64]]
+    frames: list[NDArray[np.uint8]]
+    frame_dt: float
+
+
+def record(
+    policy: str | Policy,
+    env_id: str,
+    seed: int = 0,
+    *,
+    env_kwargs: Mapping[str, Any] | None = None,
+    name: str | None = None,
+    frame_rate: float = 0.0,
+    max_seconds: float = float("inf"),
+) -> Record:
+    """Plays one episode in a single environment.
+
+    Parameters
+    ----------
+    frame_rate: pictures per second of simulated time; 0 draws none
+    max_seconds: stops there, if the episode is longer
+
+    Raises
+    ------
+    PolicyError: as :func:`rodgym.evaluation.evaluate`
+    """
+    env_kwargs = {"render_mode": "rgb_array" if frame_rate else None, **(env_kwargs or {})}
+    env = gym.make(env_id, **env_kwargs)
+    try:
+        actor = load_policy(policy, env) if isinstance(policy, str) else policy
+        return _record(actor, env, seed, name or str(policy), frame_rate, max_seconds)
+    finally:
+        env.close()
+
+
+def _record(
+    actor: Policy,
+    env: gym.Env[Any, Any],
+    seed: int,
+    name: str,
+    frame_rate: float,
+    max_seconds: float,
+) -> Record:
+    dt = control_dt(env)
+    every = max(1, round(1 / (frame_rate * dt))) if frame_rate else 0
+    observation, _ = env.reset(seed=seed)
+    frames = [np.asarray(env.render())] if every else []
+    state: Any = None
+    start = np.ones(1, bool)
+    rewards: list[float] = []
+    actions: list[NDArray[np.float32]] = []
+    angles: list[NDArray[np.float64]] = []
+    metrics: dict[str, list[float]] = {}
+    over = False
+    while not over and len(rewards) * dt < max_seconds:
+        action, state = actor.predict(observation, state, start, deterministic=True)
+        start = np.zeros(1, bool)
+        observation, reward, terminated, truncated, info = env.step(action)
+        over = terminated or truncated
+        rewards.append(float(reward))
+        actions.append(np.array(action, np.float32))
+        angles.append(edge_angles(env.get_wrapper_attr("positions")))
+        for key, value in info.items():
+            if isinstance(value, float):
+                metrics.setdefault(key, []).append(value)
+        if every and len(rewards) % every == 0:
+            frames.append(np.asarray(env.render()))
+    return Record(
+        policy=name,
+        seed=seed,
+        time=dt * np.arange(1, len(rewards) + 1, dtype=np.float64),
+        rewards=np.array(rewards),
+        actions=np.array(actions),
+        angles=np.array(angles),
+        metrics={key: np.array(values) for key, values in metrics.items()},
+        frames=frames,
+        frame_dt=every * dt,
+    )
+
+
+def edge_angles(positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Angle of each edge [rad]: 0 is hanging down, counter-clockwise positive, in (-pi, pi].
+
+    ``positions`` (N, 2) are the rod's nodes [m].
+    """
+    edges = np.diff(positions, axis=0)
+    angles: NDArray[np.float64] = np.arctan2(edges[:, 0], -edges[:, 1])
+    return angles

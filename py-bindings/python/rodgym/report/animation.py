@@ -1,0 +1,102 @@
+"""Pictures of several episodes side by side, as a looping GIF or as a strip of stills."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from rodgym.evaluation import Record
+from rodgym.report.style import COLOURS, INK
+
+TITLE_HEIGHT = 34
+GAP = 12
+#: How long the last picture stays before the loop begins again [s].
+HOLD = 1.2
+
+
+def _font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    return ImageFont.load_default(size)
+
+
+def _titled(frame: NDArray[np.uint8], title: str, colour: str, width: int) -> Image.Image:
+    """A picture scaled to ``width`` pixels below its title."""
+    picture = Image.fromarray(frame)
+    height = round(picture.height * width / picture.width)
+    picture = picture.resize((width, height), Image.Resampling.LANCZOS)
+    canvas = Image.new("RGB", (width, height + TITLE_HEIGHT), "white")
+    canvas.paste(picture, (0, TITLE_HEIGHT))
+    draw = ImageDraw.Draw(canvas)
+    draw.rounded_rectangle((2, 10, 16, 24), 4, fill=colour)
+    draw.text((24, 17), title, fill=INK, font=_font(17), anchor="lm")
+    return canvas
+
+
+def _row(pictures: Sequence[Image.Image]) -> Image.Image:
+    width = sum(p.width for p in pictures) + GAP * (len(pictures) - 1)
+    canvas = Image.new("RGB", (width, max(p.height for p in pictures)), "white")
+    x = 0
+    for picture in pictures:
+        canvas.paste(picture, (x, 0))
+        x += picture.width + GAP
+    return canvas
+
+
+def side_by_side(records: Sequence[Record], width: int = 400) -> list[Image.Image]:
+    """One picture per moment, every policy beside the others; who is done earlier stands still."""
+    count = max(len(record.frames) for record in records)
+    return [
+        _row(
+            [
+                _titled(
+                    record.frames[min(k, len(record.frames) - 1)],
+                    record.policy,
+                    COLOURS[i % len(COLOURS)],
+                    width,
+                )
+                for i, record in enumerate(records)
+            ]
+        )
+        for k in range(count)
+    ]
+
+
+def write_gif(
+    path: Path, pictures: Sequence[Image.Image], frame_dt: float, hold: float = HOLD
+) -> None:
+    """A looping GIF, ``frame_dt`` seconds a picture; waits ``hold`` seconds at its end.
+
+    All pictures share one palette, so that what does not move is the same bytes in each and small.
+    """
+    palette = _palette([pictures[k] for k in np.linspace(0, len(pictures) - 1, 8).astype(int)])
+    indexed = [p.quantize(palette=palette, dither=Image.Dither.NONE) for p in pictures]
+    duration = [round(1000 * frame_dt)] * len(indexed)
+    duration[-1] += round(1000 * hold)
+    indexed[0].save(path, save_all=True, append_images=indexed[1:], duration=duration, loop=0)
+
+
+def _palette(pictures: Sequence[Image.Image]) -> Image.Image:
+    """128 colours that serve all pictures.
+
+    A colour counts by the square root of its area: thin lines would else lose their colour to
+    the shades of a wide background.
+    """
+    pixels = np.concatenate([np.asarray(picture).reshape(-1, 3) for picture in pictures])
+    colours, area = np.unique(pixels @ np.array([65536, 256, 1]), return_counts=True)
+    weighted = np.repeat(colours, np.ceil(np.sqrt(area)).astype(int))
+    rgb = np.stack([weighted >> 16, weighted >> 8 & 255, weighted & 255], axis=-1)
+    return Image.fromarray(rgb[None].astype(np.uint8)).quantize(
+        128, Image.Quantize.MEDIANCUT, kmeans=2
+    )
+
+
+def strip(record: Record, count: int, width: int = 240) -> Image.Image:
+    """``count`` stills of one episode, evenly spaced from start to end, with their times."""
+    chosen = np.linspace(0, len(record.frames) - 1, count).round().astype(int)
+    pictures = [
+        _titled(record.frames[k], f"{k * record.frame_dt:.2f} s", COLOURS[0], width) for k in chosen
+    ]
+    return _row(pictures)

@@ -1,0 +1,123 @@
+"""The fin driven by sinusoids, and what one period yields: the measurements of chapter 3."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from rodgym.sim import Fin
+
+Array = npt.NDArray[np.float64]
+
+AMPLITUDES = (4.0, 6.0, 8.0, 10.0)
+FREQUENCIES = (0.5, 1.0, 1.5, 2.0)
+#: Periods of a run (the first is a ramp) and steps of a period.
+PERIODS, STEPS = 5, 400
+#: Water, flow and geometry of thesis (3.2).
+DENSITY, LENGTH, HEIGHT = 1000.0, 0.14, 0.115
+
+
+@dataclass(frozen=True)
+class Period:
+    """The last period of a run."""
+
+    amplitude: float
+    frequency: float
+    flow: float
+    thrust: Array
+    power: Array
+    tail: Array
+
+    @property
+    def mean_thrust(self) -> float:
+        """Mean thrust [N]."""
+        return float(self.thrust.mean())
+
+    @property
+    def efficiency(self) -> float:
+        """Froude efficiency U T / P."""
+        return self.flow * self.mean_thrust / float(self.power.mean())
+
+    @property
+    def strouhal(self) -> float:
+        """Strouhal number f W / U (thesis 3.2), W the tail's peak-to-peak travel."""
+        return self.frequency * float(np.ptp(self.tail)) / self.flow
+
+    @property
+    def thrust_coefficient(self) -> float:
+        """T / (rho U^2 L h / 2) (thesis 3.2)."""
+        return self.mean_thrust / (0.5 * DENSITY * self.flow**2 * LENGTH * HEIGHT)
+
+    @property
+    def second_harmonic(self) -> tuple[float, float]:
+        """The thrust at twice the drive's frequency.
+
+        Its amplitude [N], and the drive phase in [0, 180) degrees where it peaks.
+        """
+        phase = 2 * np.pi * np.arange(1, STEPS + 1) / STEPS
+        coefficient = 2 * np.mean(self.thrust * np.exp(2j * phase))
+        return float(abs(coefficient)), float(np.degrees(np.angle(coefficient)) / 2 % 180)
+
+
+def drive(amplitude: float, frequency: float, t: npt.NDArray[np.floating[Any]]) -> Array:
+    """Pitch [rad] of a sinusoid (degrees, Hz) that sets in smoothly over its first period."""
+    x = np.minimum(t * frequency, 1.0)
+    ramp = x**3 * (10 - 15 * x + 6 * x**2)
+    return ramp * np.radians(amplitude) * np.sin(2 * np.pi * frequency * t)
+
+
+def period(amplitude: float, frequency: float, **fin: Any) -> Period:
+    """Runs the thesis' fin with these changes and returns its last period."""
+    dt = 1.0 / (frequency * STEPS)
+    plant = Fin(thesis=True, stepper="bdf2", physics_dt=dt, **fin)
+    pitch = drive(amplitude, frequency, np.arange(1, PERIODS * STEPS + 1) * dt)
+    trace = plant.follow(pitch)
+    thrust, power, tail = (trace[name][-STEPS:] for name in ("thrust", "power", "tail"))
+    return Period(amplitude, frequency, plant.parameters["flow_speed"], thrust, power, tail)
+
+
+def in_air(amplitude: float, frequency: float, frames: int, **fin: Any) -> Array:
+    """Sideways positions of all nodes [m] at 30 frames a second in air, (frames, nodes)."""
+    per_frame = 12
+    dt = 1.0 / (30 * per_frame)
+    plant = Fin(thesis=True, stepper="bdf2", physics_dt=dt, hydrodynamics="air", **fin)
+    pitch = drive(amplitude, frequency, np.arange(1, frames * per_frame + 1) * dt)
+    seen = []
+    for frame in pitch.reshape(frames, per_frame):
+        plant.follow(frame)
+        seen.append(plant.positions[:, 1])
+    return np.array(seen)
+
+
+def minimise(cost: Callable[[Array], float], start: Array, size: float, rounds: int) -> Array:
+    """Nelder and Mead's simplex (the thesis' fminsearch), a fixed number of rounds."""
+    n = len(start)
+    points = [start, *(start + size * np.eye(n)[i] for i in range(n))]
+    values = [cost(p) for p in points]
+    for _ in range(rounds):
+        order = np.argsort(values)
+        points, values = [points[i] for i in order], [values[i] for i in order]
+        centre = np.mean(points[:-1], axis=0)
+        reflected = 2 * centre - points[-1]
+        at_reflected = cost(reflected)
+        if at_reflected < values[0]:
+            expanded = 3 * centre - 2 * points[-1]
+            at_expanded = cost(expanded)
+            better = at_expanded < at_reflected
+            points[-1] = expanded if better else reflected
+            values[-1] = at_expanded if better else at_reflected
+        elif at_reflected < values[-2]:
+            points[-1], values[-1] = reflected, at_reflected
+        else:
+            inner = 0.5 * (centre + points[-1])
+            at_inner = cost(inner)
+            if at_inner < values[-1]:
+                points[-1], values[-1] = inner, at_inner
+            else:
+                points = [points[0], *(0.5 * (points[0] + p) for p in points[1:])]
+                values = [values[0], *(cost(p) for p in points[1:])]
+    return points[int(np.argmin(values))]

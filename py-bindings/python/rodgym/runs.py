@@ -1,0 +1,105 @@
+"""A run's folder, ``runs/<name>/``, and what is written down about how it was made."""
+
+from __future__ import annotations
+
+import csv
+import datetime
+import importlib.metadata
+import json
+import os
+import platform
+import re
+import shlex
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import rodgym
+
+PACKAGES = ("rodgym", "gymnasium", "numpy", "stable-baselines3", "torch", "matplotlib")
+
+
+def default_name(command: str, env_id: str) -> str:
+    """``compare`` and ``rodgym/PendulumSwingUp-v0`` make ``compare-pendulumswingup``."""
+    machine = env_id.rpartition("/")[2].partition("-v")[0].lower()
+    return f"{command}-{machine}"
+
+
+class RunError(rodgym.RodgymError, ValueError):
+    """A run that cannot be named or written so."""
+
+
+@dataclass
+class Run:
+    """Where results land. Files of an earlier run of the same name are replaced one by one.
+
+    Parameters
+    ----------
+    name: folder below ``root``: letters, digits, ``-``, ``_`` and ``.``
+    root: folder of all runs
+    """
+
+    name: str
+    root: Path = Path("runs")
+    facts: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}", self.name):
+            raise RunError(
+                f"run name {self.name!r}: allowed are up to 100 letters, digits, '-', '_' and '.'"
+            )
+        self.root = Path(self.root)
+        self.facts = {**provenance(), **self.facts}
+        self.path.mkdir(parents=True, exist_ok=True)
+
+    @property
+    def path(self) -> Path:
+        """The folder."""
+        return self.root / self.name
+
+    def file(self, name: str) -> Path:
+        """A file of this run."""
+        return self.path / name
+
+    def write_facts(self) -> None:
+        """Writes ``run.json``: command, versions, machine and what was added to ``facts``."""
+        text = json.dumps(self.facts, indent=2, default=str) + "\n"
+        self.file("run.json").write_text(text, encoding="utf-8")
+
+
+def provenance() -> dict[str, Any]:
+    """The command, the time, the versions and the machine."""
+    return {
+        "command": command_line(),
+        "date": datetime.datetime.now(datetime.timezone.utc).strftime("%Y-%m-%d %H:%M UTC"),
+        "versions": versions(),
+        "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores",
+    }
+
+
+def command_line() -> str:
+    """The command as a user would type it."""
+    program = Path(sys.argv[0])
+    if program.name == "__main__.py":
+        return shlex.join(["python", "-m", program.parent.name, *sys.argv[1:]])
+    return shlex.join([program.name, *sys.argv[1:]])
+
+
+def versions() -> dict[str, str]:
+    """Python and the packages that matter, where installed."""
+    installed = {
+        name: importlib.metadata.version(name)
+        for name in PACKAGES
+        if next(iter(importlib.metadata.distributions(name=name)), None)
+    }
+    return {"python": platform.python_version(), **installed}
+
+
+def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+    """Writes a table; floats with all their digits."""
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(header)
+        writer.writerows(rows)

@@ -1,0 +1,224 @@
+"""The Stable-Baselines3 face: many rods in one native batch as a `VecEnv`.
+
+Needs `pip install "rodgym[train]"`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+try:
+    from stable_baselines3.common.vec_env import VecEnv, VecMonitor
+except ImportError as error:  # pragma: no cover
+    raise ImportError('rodgym.sb3 needs Stable-Baselines3: pip install "rodgym[train]"') from error
+
+from rodgym import _native
+from rodgym._batch import Result, SeededBatch
+from rodgym._machine import Member, box
+from rodgym._registration import ENVIRONMENTS
+
+if TYPE_CHECKING:
+    import gymnasium as gym
+
+__all__ = ["RodVecEnv", "make_vec_env"]
+
+Indices = int | Iterable[int] | None
+
+
+def make_vec_env(
+    env_id: str,
+    n_envs: int = 1,
+    seed: int | None = None,
+    monitor_dir: str | None = None,
+    env_kwargs: dict[str, Any] | None = None,
+    *,
+    monitor: bool = True,
+    server: str | None = None,
+    **kwargs: Any,
+) -> VecEnv:
+    """A batch for Stable-Baselines3, with the first arguments of its own `make_vec_env`.
+
+    Arguments:
+        env_id: id such as `"rodgym/PendulumSwingUp-v0"`.
+        n_envs: number of environments.
+        seed: seed of the first reset; environment i takes seed + i.
+        monitor_dir: file prefix for `VecMonitor`'s CSV of returns.
+        env_kwargs: keywords of the environment, for callers that keep them apart.
+        monitor: wrap in `VecMonitor`, so that learning curves have returns.
+        server: address such as `"tcp://host:5555"` of a `rodgym serve` that computes the batch;
+            then `keys`, `server_key`, `timeout` and `recover` as for `rodgym.remote.connect`.
+        **kwargs: more keywords of the environment, and those of `RodVecEnv`: `num_threads`,
+            `max_episode_steps`, `render_mode`, `render_size`.
+    """
+    kwargs = {**(env_kwargs or {}), **kwargs}
+    env: VecEnv
+    if server is None:
+        env = RodVecEnv(env_id, n_envs, **kwargs)
+    else:
+        from rodgym.remote.sb3 import RemoteVecEnv
+
+        env = RemoteVecEnv(server, env_id, n_envs, **kwargs)
+    if seed is not None:
+        env.seed(seed)
+    return VecMonitor(env, monitor_dir) if monitor else env
+
+
+class RodVecEnv(VecEnv):
+    """Many environments of one kind, stepped together in Rust, as Stable-Baselines3 wants them.
+
+    Observations, rewards, dones and infos are those of `DummyVecEnv` over as many `gym.make`d
+    environments: an ending step returns the reset observation, the last one is in
+    `infos[i]["terminal_observation"]`, and `infos[i]["TimeLimit.truncated"]` says whether time was
+    up.
+
+    Arguments:
+        env_id: id such as `"rodgym/PendulumSwingUp-v0"`.
+        n_envs: number of environments.
+        render_mode: `None` or `"rgb_array"`.
+        max_episode_steps: steps after which an episode is truncated; `None`: as registered; -1:
+            never.
+        num_threads: threads of a step; `None`: as many as the process may use.
+        render_size: width and height of a picture in pixels; `None`: what suits the machine.
+        **kwargs: keywords of the environment, see its page.
+    """
+
+    def __init__(
+        self,
+        env_id: str,
+        n_envs: int = 1,
+        *,
+        render_mode: str | None = None,
+        max_episode_steps: int | None = None,
+        num_threads: int | None = None,
+        render_size: tuple[int, int] | None = None,
+        **kwargs: Any,
+    ) -> None:
+        if max_episode_steps is None and env_id in ENVIRONMENTS:
+            max_episode_steps = ENVIRONMENTS[env_id].max_episode_steps
+        elif max_episode_steps == -1:
+            max_episode_steps = None
+        self._batch = self._open(
+            env_id,
+            n_envs,
+            kwargs,
+            "SameStep",
+            max_episode_steps,
+            num_threads,
+            render_mode,
+            render_size,
+        )
+        about = self._batch.about
+        self._terms: list[str] = about["reward_terms"]
+        self._metrics: list[str] = about["metrics"]
+        self._parameters: list[str] = [parameter["name"] for parameter in about["parameters"]]
+        self._actions: npt.NDArray[Any] | None = None
+        super().__init__(self._batch.num_envs, box(about["observation"]), box(about["action"]))
+        self.metadata["render_fps"] = round(1.0 / about["control_dt"])
+
+    def _open(self, *args: Any) -> SeededBatch:
+        return SeededBatch(*args)
+
+    @property
+    def members(self) -> list[Member]:
+        """One object an environment: its plant, snapshots and picture."""
+        return self._batch.members
+
+    def reset(self) -> npt.NDArray[np.float32]:
+        """Starts all episodes, with the seeds and options set before, once."""
+        shape = self.observation_space.shape
+        assert shape is not None
+        observation = np.empty((self.num_envs, *shape), dtype=np.float32)
+        for mask, options in self._option_groups():
+            result = self._batch.reset(list(self._seeds), mask, options)
+            rows = slice(None) if mask is None else mask
+            observation[rows] = result.observation[rows]
+            self._note_parameters(result)
+        self._reset_seeds()
+        self._reset_options()
+        return observation
+
+    def step_async(self, actions: npt.NDArray[Any]) -> None:
+        """Keeps the actions for `step_wait`."""
+        self._actions = actions
+
+    def step_wait(
+        self,
+    ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.bool_], list[dict]]:
+        """One control step: observations, rewards (float32, as SB3 has them), dones, infos."""
+        result = self._batch.step(self._actions)
+        dones = result.terminated | result.truncated
+        infos = self._step_infos(result)
+        if dones.any():
+            self._note_parameters(result)
+            for i in np.flatnonzero(dones):
+                infos[i]["terminal_observation"] = result.final_observation[i].copy()
+        return result.observation, result.reward.astype(np.float32), dones, infos
+
+    def _step_infos(self, result: Result) -> list[dict[str, Any]]:
+        limit = result.truncated & ~result.terminated
+        infos = _native.info_list(self._terms, self._metrics, result.terms, limit)
+        for i in np.flatnonzero(result.solver_failure):
+            infos[i]["solver_failure"] = True
+        return infos
+
+    def _note_parameters(self, result: Result) -> None:
+        for i in np.flatnonzero(result.began):
+            values = result.parameters[i].tolist()
+            self.reset_infos[i] = {"parameters": dict(zip(self._parameters, values, strict=True))}
+
+    def _option_groups(self) -> list[tuple[npt.NDArray[np.bool_] | None, dict[str, Any] | None]]:
+        """Environments that are reset with the same options, together."""
+        if all(options == self._options[0] for options in self._options):
+            return [(None, self._options[0] or None)]
+        groups: list[tuple[npt.NDArray[np.bool_], dict[str, Any]]] = []
+        for i, options in enumerate(self._options):
+            for mask, known in groups:
+                if known == options:
+                    mask[i] = True
+                    break
+            else:
+                mask = np.zeros(self.num_envs, dtype=np.bool_)
+                mask[i] = True
+                groups.append((mask, options))
+        return [(mask, options or None) for mask, options in groups]
+
+    def close(self) -> None:
+        """Nothing to close: memory and threads go with the object."""
+
+    def get_images(self) -> Sequence[npt.NDArray[np.uint8] | None]:
+        """One picture an environment, or None without render_mode="rgb_array"."""
+        return [member.render() for member in self.members]
+
+    def get_attr(self, attr_name: str, indices: Indices = None) -> list[Any]:
+        """The attribute of each environment, see `members`; or else of the batch."""
+        return [
+            getattr(member if hasattr(member, attr_name) else self, attr_name)
+            for member in self._targets(indices)
+        ]
+
+    def set_attr(self, attr_name: str, value: Any, indices: Indices = None) -> None:
+        """Sets the attribute of each environment."""
+        for member in self._targets(indices):
+            setattr(member, attr_name, value)
+
+    def env_method(
+        self, method_name: str, *method_args: Any, indices: Indices = None, **method_kwargs: Any
+    ) -> list[Any]:
+        """Calls the method of each environment, such as `get_state`."""
+        return [
+            getattr(member, method_name)(*method_args, **method_kwargs)
+            for member in self._targets(indices)
+        ]
+
+    def env_is_wrapped(
+        self, wrapper_class: type[gym.Wrapper], indices: Indices = None
+    ) -> list[bool]:
+        """False: the environments of a native batch have no wrappers."""
+        return [False for _ in self._targets(indices)]
+
+    def _targets(self, indices: Indices) -> list[Member]:
+        return [self.members[i] for i in self._get_indices(indices)]

@@ -1,0 +1,70 @@
+"""One case of a study: a pure function from its dictionary to a row of the table."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from rodgym.evaluation.episodes import play
+from rodgym.evaluation.policies import load_policy
+from rodgym.evaluation.score import score
+from rodgym.study.spec import Case
+
+Row = dict[str, Any]
+
+
+class Started(gym.vector.VectorWrapper):
+    """Starts the first episodes from one exact state instead of a drawn one."""
+
+    def __init__(self, env: Any, state: dict[str, Any]) -> None:
+        super().__init__(env)
+        self._state = state
+
+    def reset(
+        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """As the environment's, from the state."""
+        inner: Any = self.env
+        return inner.reset(seed=seed, options={**(options or {}), "state": self._state})
+
+    def get_attr(self, name: str) -> tuple[Any, ...]:
+        """As the environment's."""
+        inner: Any = self.env
+        return inner.get_attr(name)
+
+
+def run_case(case: Case) -> Row:
+    """Plays the case's policy on its seeds and returns the means of the scores.
+
+    The row depends on the case alone: not on the machine, the process or what ran before. Scores
+    that no episode defines are NaN.
+    """
+    kwargs = _below("env.", case)
+    env: Any = gym.make_vec(case["env"], num_envs=case["seeds"], num_threads=1, **kwargs)
+    try:
+        policy = load_policy(case["policy"], env)
+        believed = _below("design.", case)
+        if believed:
+            other = gym.make_vec(case["env"], num_envs=1, **{**kwargs, **believed})
+            policy = load_policy(case["policy"], other)
+            other.close()
+        start = _below("start.", case)
+        if start:
+            edges = int(env.unwrapped.config["nodes"]) - 1
+            angles, rates = ([start.get(key, 0.0)] * edges for key in ("angle", "rate"))
+            env = Started(env, {"angles": angles, "rates": rates})
+        columns = score(play(policy, env, range(case["seeds"])))
+    finally:
+        env.close()
+    return {name: _mean(values) for name, values in columns.items()}
+
+
+def _below(prefix: str, case: Case) -> dict[str, Any]:
+    return {key[len(prefix) :]: value for key, value in case.items() if key.startswith(prefix)}
+
+
+def _mean(values: np.ndarray) -> float:
+    defined = values[np.isfinite(values)]
+    return float(defined.mean()) if defined.size else float("nan")

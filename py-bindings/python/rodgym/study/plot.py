@@ -1,0 +1,88 @@
+"""Pictures of a study's table: a map over two keys, or lines over one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rodgym.report.style import COLOURS, styled
+from rodgym.study.spec import Study, StudyError
+
+Rows = list[dict[str, str]]
+
+
+def draw(study: Study, rows: Rows, path: Path) -> None:
+    """Draws what the study's `plot` asks for: `value` over `x` and `y` as a map, or over `x` as a
+    line for every `line`; one panel for every `panel`.
+    """
+    asked = dict(study.plot)
+    if not {"x", "value"} <= asked.keys():
+        raise StudyError("plot needs x and value")
+    for role, column in asked.items():
+        if column not in rows[0]:
+            raise StudyError(
+                f"plot: {role} = {column!r} is no column; there are {', '.join(rows[0])}"
+            )
+    panels = _distinct(rows, asked.get("panel"))
+    with styled():
+        import matplotlib.pyplot as plt
+
+        figure, axes = plt.subplots(
+            1, len(panels), figsize=(1.2 + 4.2 * len(panels), 3.9), squeeze=False, sharey=True
+        )
+        figure.suptitle(study.title, fontweight="bold")
+        drawn: Any = None
+        limits = _limits(rows, asked["value"])
+        for axis, panel in zip(axes[0], panels, strict=True):
+            part = [row for row in rows if panel is None or row[asked["panel"]] == panel]
+            axis.set(title=panel or "", xlabel=asked["x"])
+            if "y" in asked:
+                drawn = _map(axis, part, asked, limits)
+            else:
+                _lines(axis, part, asked)
+        axes[0][0].set_ylabel(asked.get("y", asked["value"]))
+        if drawn is not None:
+            figure.colorbar(drawn, ax=list(axes[0]), label=asked["value"])
+        figure.savefig(path)
+        plt.close(figure)
+
+
+def _distinct(rows: Rows, column: str | None) -> list[str | None]:
+    return list(dict.fromkeys(row[column] for row in rows)) if column else [None]
+
+
+def _number(text: str) -> float:
+    return float(text) if text else float("nan")
+
+
+def _limits(rows: Rows, value: str) -> tuple[float, float]:
+    """One scale for all panels."""
+    numbers = [x for x in (_number(row[value]) for row in rows) if x == x]
+    return (0.0, 1.0) if value == "upright" or not numbers else (min(numbers), max(numbers))
+
+
+def _map(axis: Any, rows: Rows, asked: dict[str, str], limits: tuple[float, float]) -> Any:
+    x = sorted({_number(row[asked["x"]]) for row in rows})
+    y = sorted({_number(row[asked["y"]]) for row in rows})
+    values = np.full((len(y), len(x)), np.nan)
+    for row in rows:
+        at = y.index(_number(row[asked["y"]])), x.index(_number(row[asked["x"]]))
+        values[at] = _number(row[asked["value"]])
+    axis.grid(False)
+    # Where no value is defined (a rod that never stood), the ground shows.
+    axis.set_facecolor(COLOURS[1])
+    low, high = limits
+    return axis.pcolormesh(x, y, values, shading="nearest", cmap="cividis", vmin=low, vmax=high)
+
+
+def _lines(axis: Any, rows: Rows, asked: dict[str, str]) -> None:
+    for i, line in enumerate(_distinct(rows, asked.get("line"))):
+        part = [row for row in rows if line is None or row[asked["line"]] == line]
+        points = sorted((_number(row[asked["x"]]), _number(row[asked["value"]])) for row in part)
+        axis.plot(*zip(*points, strict=True), "o-", color=COLOURS[i % len(COLOURS)], label=line)
+    if "line" in asked:
+        axis.legend(title=asked["line"])
+    if asked["value"] == "upright":
+        axis.set_ylim(-0.03, 1.03)

@@ -1,0 +1,156 @@
+"""What a study is, and how its YAML is read.
+
+.. code-block:: yaml
+
+    title: Region of attraction
+    env: rodgym/PendulumSwingUp-v0
+    seeds: 1                       # episodes of every case: the seeds 0 .. n-1
+    fixed: {env.width: 0.007}      # the same in every case
+    sweep:                         # every combination is a case
+      policy: [lqr, lqr-hybrid]
+      start.angle: {from: -3.1, to: 3.1, steps: 41}
+    plot: {x: start.angle, y: start.rate, value: upright, panel: policy}
+
+Keys: ``policy`` (a controller's name or a trained policy's file), ``env.<keyword>`` of the
+environment, ``design.<keyword>`` (what a controller believes, where that differs),
+``start.angle`` [rad] and ``start.rate`` [rad/s] of a straight pendulum.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import rodgym
+
+Case = dict[str, Any]
+
+#: Cases that one study may have.
+MAX_CASES = 1_000_000
+_TOP = ("title", "env", "seeds", "fixed", "sweep", "plot")
+_PLOT = ("x", "y", "value", "panel", "line")
+_STARTS = ("start.angle", "start.rate")
+
+
+class StudyError(rodgym.RodgymError, ValueError):
+    """A study that cannot be read or continued."""
+
+
+@dataclass(frozen=True)
+class Study:
+    """A grid of cases: ``fixed`` and every combination of ``sweep``, in the order written."""
+
+    title: str
+    env: str
+    seeds: int = 1
+    fixed: Mapping[str, Any] = field(default_factory=dict)
+    sweep: Mapping[str, list[Any]] = field(default_factory=dict)
+    plot: Mapping[str, str] = field(default_factory=dict)
+
+    def cases(self) -> Iterator[Case]:
+        """Every case, a dictionary that JSON can write; the sweep's last key runs fastest."""
+        for values in itertools.product(*self.sweep.values()):
+            swept = dict(zip(self.sweep, values, strict=True))
+            yield {"env": self.env, "seeds": self.seeds, **self.fixed, **swept}
+
+    def __len__(self) -> int:
+        count = 1
+        for values in self.sweep.values():
+            count *= len(values)
+        return count
+
+
+def case_id(case: Case) -> str:
+    """A name for a case that depends on its content only."""
+    text = json.dumps(case, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def plans() -> dict[str, Path]:
+    """The studies that come with rodgym, by name."""
+    return {path.stem: path for path in sorted((Path(__file__).parent / "plans").glob("*.yml"))}
+
+
+def read(source: str | Path) -> Study:
+    """A study from a YAML file, or one of ours by name (`plans`).
+
+    Raises:
+        StudyError: the file is missing, or says something that no study has.
+    """
+    import yaml
+
+    path = plans().get(str(source), Path(source))
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        known = ", ".join(plans())
+        raise StudyError(f"study {str(source)!r}: {error.strerror}; ours are {known}") from error
+    except yaml.YAMLError as error:
+        raise StudyError(f"study {str(source)!r} is not YAML: {error}") from error
+    if not isinstance(content, dict):
+        raise StudyError(f"study {str(source)!r} must be a mapping with env and sweep")
+    return parse(content, path.stem)
+
+
+def parse(content: Mapping[str, Any], name: str) -> Study:
+    """A study from what its YAML says."""
+    _only("the study", content, _TOP)
+    for needed in ("env", "sweep"):
+        if needed not in content:
+            raise StudyError(f"the study has no {needed!r}")
+    seeds = content.get("seeds", 1)
+    if not isinstance(seeds, int) or isinstance(seeds, bool) or seeds < 1:
+        raise StudyError(f"seeds = {seeds!r} is not allowed: it must be a whole number, 1 or more")
+    fixed = _mapping("fixed", content.get("fixed", {}))
+    sweep = {k: _values(k, v) for k, v in _mapping("sweep", content["sweep"]).items()}
+    for key in (*fixed, *sweep):
+        if key != "policy" and key not in _STARTS and not key.startswith(("env.", "design.")):
+            raise StudyError(
+                f"{key!r} is no key of a case: there are policy, env.<keyword>, design.<keyword>, "
+                + " and ".join(_STARTS)
+            )
+    if both := sorted(set(fixed) & set(sweep)):
+        raise StudyError(f"{both[0]!r} is both fixed and swept")
+    if "policy" not in (*fixed, *sweep):
+        raise StudyError("the study names no policy, neither fixed nor swept")
+    plot = _mapping("plot", content.get("plot", {}))
+    _only("plot", plot, _PLOT)
+    title = str(content.get("title", name))
+    study = Study(title, str(content["env"]), seeds, fixed, sweep, plot)
+    if len(study) > MAX_CASES:
+        raise StudyError(f"the study has {len(study)} cases; allowed are {MAX_CASES}")
+    return study
+
+
+def _mapping(name: str, value: Any) -> dict[str, Any]:
+    if not isinstance(value, dict) or not all(isinstance(key, str) for key in value):
+        raise StudyError(f"{name} = {value!r} must be a mapping of names to values")
+    return value
+
+
+def _only(name: str, content: Mapping[str, Any], known: tuple[str, ...]) -> None:
+    for key in content:
+        if key not in known:
+            raise StudyError(f"{name} has no {key!r}; it has {', '.join(known)}")
+
+
+def _values(key: str, value: Any) -> list[Any]:
+    """A list as it is, or `steps` numbers evenly from `from` to `to`, or one value."""
+    if isinstance(value, list):
+        if not value:
+            raise StudyError(f"sweep of {key!r} is empty")
+        return value
+    if not isinstance(value, dict):
+        return [value]
+    if set(value) != {"from", "to", "steps"}:
+        raise StudyError(f"sweep of {key!r} must have from, to and steps, or be a list")
+    first, last, steps = float(value["from"]), float(value["to"]), value["steps"]
+    if not isinstance(steps, int) or steps < 2:
+        raise StudyError(f"steps = {steps!r} of {key!r} must be a whole number, 2 or more")
+    # Twelve digits, so that the table shows 0.3 where arithmetic gives 0.30000000000000004.
+    return [float(f"{first + (last - first) * i / (steps - 1):.12g}") for i in range(steps)]

@@ -1,0 +1,6 @@
+"""Training of agents by Stable-Baselines3 on the native batch (extra ``train``)."""
+
+from rodgym.training.recipe import Recipe, load_recipe, zoo_policy
+from rodgym.training.trainer import Training, train
+
+__all__ = ["Recipe", "Training", "load_recipe", "train", "zoo_policy"]

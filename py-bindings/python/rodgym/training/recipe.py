@@ -1,0 +1,119 @@
+"""Training recipes: YAML in the format of rl-baselines3-zoo, one entry per environment.
+
+The recipes and the trained policies that come with rodgym live in ``rodgym/zoo`` (in the repository
+``baselines/zoo`` points there).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import rodgym
+
+ZOO = Path(__file__).parent.parent / "zoo"
+ALGORITHMS = ("PPO", "SAC", "TD3", "DDPG", "A2C")
+
+
+class RecipeError(rodgym.RodgymError, ValueError):
+    """A recipe that is missing or cannot be used."""
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How to train.
+
+    Parameters
+    ----------
+    algorithm: class of Stable-Baselines3
+    n_timesteps: environment steps in all
+    n_envs: environments in the batch
+    policy: policy class of the algorithm
+    frame_stack: observations that the policy sees at once
+    hyperparams: further keywords of the algorithm; ``lin_0.001`` falls linearly to zero
+    """
+
+    algorithm: str = "PPO"
+    n_timesteps: int = 1_000_000
+    n_envs: int = 64
+    policy: str = "MlpPolicy"
+    frame_stack: int = 1
+    hyperparams: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.algorithm not in ALGORITHMS:
+            raise RecipeError(f"algorithm {self.algorithm!r} is not one of {', '.join(ALGORITHMS)}")
+        for name in ("n_timesteps", "n_envs", "frame_stack"):
+            value = getattr(self, name)
+            if not isinstance(value, int) or value < 1:
+                raise RecipeError(f"{name} = {value!r} must be a whole number of at least 1")
+
+    def with_changes(self, changes: Mapping[str, Any]) -> Recipe:
+        """Returns this recipe with some values changed; unknown names are hyperparameters."""
+        own = {key: value for key, value in changes.items() if key in OWN}
+        rest = {key: value for key, value in changes.items() if key not in OWN}
+        return replace(self, **own, hyperparams={**self.hyperparams, **rest})
+
+    def keywords(self) -> dict[str, Any]:
+        """Hyperparameters as Stable-Baselines3 takes them: schedules and classes made from text."""
+        result: dict[str, Any] = {key: schedule(value) for key, value in self.hyperparams.items()}
+        if "policy_kwargs" in result:
+            kwargs = dict(result["policy_kwargs"])
+            if isinstance(kwargs.get("activation_fn"), str):
+                import torch
+
+                kwargs["activation_fn"] = getattr(torch.nn, kwargs["activation_fn"])
+            result["policy_kwargs"] = kwargs
+        return result
+
+    def as_dict(self) -> dict[str, Any]:
+        """All of it, as in a YAML entry."""
+        return {**{name: getattr(self, name) for name in OWN}, **self.hyperparams}
+
+
+OWN = ("algorithm", "n_timesteps", "n_envs", "policy", "frame_stack")
+
+
+def schedule(value: Any) -> Any:
+    """Makes ``lin_0.001`` a schedule over the remaining share of training; other values stay."""
+    if not isinstance(value, str) or not value.startswith("lin_"):
+        return value
+    initial = float(value.removeprefix("lin_"))
+
+    def falling(remaining: float) -> float:
+        return initial * remaining
+
+    return falling
+
+
+def load_recipe(env_id: str, algorithm: str = "PPO", file: Path | None = None) -> Recipe:
+    """The recipe of an environment, from ``file`` or from the zoo.
+
+    Raises
+    ------
+    RecipeError: no such file or entry, or a value that is not allowed
+    """
+    import yaml
+
+    Recipe(algorithm)
+    path = file or ZOO / f"{algorithm.lower()}.yml"
+    try:
+        entries = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise RecipeError(f"no recipe file {path}: {error.strerror}") from error
+    except yaml.YAMLError as error:
+        raise RecipeError(f"{path} is not YAML: {error}") from error
+    if not isinstance(entries, dict):
+        raise RecipeError(f"{path} holds no entries 'ENV_ID: {{...}}'")
+    entry = entries.get(env_id, entries.get("default"))
+    if not isinstance(entry, dict):
+        raise RecipeError(f"{path} has no entry for {env_id}; it has {', '.join(entries)}")
+    return Recipe(algorithm).with_changes(entry)
+
+
+def zoo_policy(env_id: str) -> Path | None:
+    """File of the trained policy for an environment that comes with rodgym, if there is one."""
+    path = ZOO / f"{env_id.rpartition('/')[2]}.zip"
+    return path if path.is_file() else None

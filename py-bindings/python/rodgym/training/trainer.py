@@ -1,0 +1,197 @@
+"""Trains an agent on the native batch, watching it on validation seeds as it learns."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+import zipfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import stable_baselines3
+import torch
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.vec_env import VecEnv, VecFrameStack
+
+import rodgym.sb3
+from rodgym.evaluation import evaluate
+from rodgym.evaluation.policies import CARD, Policy, Stacked
+from rodgym.runs import Run, versions, write_csv
+from rodgym.training.progress import Bar, interrupt_flag
+from rodgym.training.recipe import Recipe, RecipeError, load_recipe
+
+#: Seeds that choose among the agent's stages. Tables are made on other ones (0 to 99 by default).
+VALIDATION_SEEDS = range(10_000, 10_032)
+#: How often the agent is validated during a training.
+VALIDATIONS = 25
+#: Columns of ``learning_curve.csv``.
+CURVE = ("steps", "seconds", "training_return", "return", "return_low", "return_high", "upright")
+
+
+@dataclass(frozen=True)
+class Training:
+    """What came out: the best validated stage of the agent, saved, and its curve.
+
+    ``curve`` has the columns of :data:`CURVE`; ``seconds`` is the wall time, validation included;
+    ``interrupted`` says that Ctrl-C ended it early.
+    """
+
+    policy: Path
+    recipe: Recipe
+    seed: int
+    curve: Sequence[Sequence[float]]
+    best_steps: int
+    seconds: float
+    steps: int
+    interrupted: bool
+
+
+def make_training_env(
+    env_id: str, recipe: Recipe, seed: int, env_kwargs: Mapping[str, Any]
+) -> VecEnv:
+    """The native batch as Stable-Baselines3 wants it, with the returns of episodes recorded."""
+    env = rodgym.sb3.make_vec_env(env_id, recipe.n_envs, seed, env_kwargs=dict(env_kwargs))
+    return VecFrameStack(env, recipe.frame_stack) if recipe.frame_stack > 1 else env
+
+
+def train(
+    env_id: str,
+    run: Run,
+    *,
+    recipe: Recipe | None = None,
+    seed: int = 0,
+    env_kwargs: Mapping[str, Any] | None = None,
+    quiet: bool = False,
+) -> Training:
+    """Trains, and saves ``policy.zip`` and ``learning_curve.csv`` in the run's folder.
+
+    Ctrl-C ends the training after the current step; what was learnt until then is kept.
+
+    Raises
+    ------
+    RecipeError: a hyperparameter that the algorithm does not take
+    """
+    recipe = recipe or load_recipe(env_id)
+    kwargs = dict(env_kwargs or {})
+    # The networks are small: a second thread costs more in waiting than it gains.
+    torch.set_num_threads(1)
+    env = make_training_env(env_id, recipe, seed, kwargs)
+    algorithm = getattr(stable_baselines3, recipe.algorithm)
+    try:
+        model: BaseAlgorithm = algorithm(
+            recipe.policy, env, seed=seed, device="cpu", **recipe.keywords()
+        )
+    except TypeError as error:
+        raise RecipeError(f"{recipe.algorithm}: {error}") from error
+    title = f"training {recipe.algorithm}"
+    with interrupt_flag() as flag, Bar(title, recipe.n_timesteps, quiet) as bar:
+        watch = Watch(env_id, kwargs, recipe, bar, flag)
+        model.learn(recipe.n_timesteps, callback=watch)
+        watch.validate()
+    model.policy.load_state_dict(watch.best_parameters)
+    path = run.file("policy.zip")
+    card = {
+        "env": env_id,
+        "env_kwargs": kwargs,
+        "algorithm": recipe.algorithm,
+        "frame_stack": recipe.frame_stack,
+        "recipe": recipe.as_dict(),
+        "seed": seed,
+        "steps": model.num_timesteps,
+        "best_steps": watch.best_steps,
+        "versions": versions(),
+    }
+    save(model, path, card)
+    env.close()
+    write_csv(run.file("learning_curve.csv"), CURVE, watch.curve)
+    return Training(
+        policy=path,
+        recipe=recipe,
+        seed=seed,
+        curve=watch.curve,
+        best_steps=watch.best_steps,
+        seconds=watch.seconds,
+        steps=model.num_timesteps,
+        interrupted=flag.is_set(),
+    )
+
+
+def save(model: BaseAlgorithm, path: Path, card: Mapping[str, Any]) -> None:
+    """Saves a Stable-Baselines3 model with a card inside that says how it was made."""
+    model.save(path)
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr(CARD, json.dumps(card, indent=2) + "\n")
+
+
+class Watch(BaseCallback):
+    """Validates at regular steps, keeps the best stage, shows progress, ends on Ctrl-C."""
+
+    def __init__(
+        self,
+        env_id: str,
+        env_kwargs: Mapping[str, Any],
+        recipe: Recipe,
+        bar: Bar,
+        interrupted: threading.Event,
+    ) -> None:
+        super().__init__()
+        self.env_id = env_id
+        self.env_kwargs = env_kwargs
+        self.depth = recipe.frame_stack
+        self.every = max(1, recipe.n_timesteps // VALIDATIONS)
+        self.bar = bar
+        self.interrupted = interrupted
+        self.curve: list[tuple[float, ...]] = []
+        self.best_return = -np.inf
+        self.best_steps = 0
+        self.best_parameters: dict[str, torch.Tensor] = {}
+        self.began = time.perf_counter()
+        self.next = 0
+
+    @property
+    def seconds(self) -> float:
+        """Wall time since the start."""
+        return time.perf_counter() - self.began
+
+    def _on_rollout_start(self) -> None:
+        # Between rollouts, where the agent has just changed.
+        if self.num_timesteps >= self.next:
+            self.next = self.num_timesteps + self.every
+            self.validate()
+
+    def _on_step(self) -> bool:
+        self.bar.at(self.num_timesteps)
+        return not self.interrupted.is_set()
+
+    def validate(self) -> None:
+        """Plays the validation seeds with the present stage of the agent."""
+        model: Policy = self.model  # type: ignore[assignment]
+        actor = Stacked(model, self.depth) if self.depth > 1 else model
+        result = evaluate(actor, self.env_id, VALIDATION_SEEDS, env_kwargs=self.env_kwargs)
+        returns = result.columns["return"]
+        upright = result.columns.get("upright", np.array([np.nan])).mean()
+        recent = [episode["r"] for episode in self.model.ep_info_buffer or []]
+        self.curve.append(
+            (
+                self.num_timesteps,
+                round(self.seconds, 2),
+                float(np.mean(recent)) if recent else float("nan"),
+                float(returns.mean()),
+                float(returns.min()),
+                float(returns.max()),
+                float(upright),
+            )
+        )
+        if returns.mean() > self.best_return:
+            self.best_return = float(returns.mean())
+            self.best_steps = self.num_timesteps
+            state = self.model.policy.state_dict()
+            self.best_parameters = {key: value.clone() for key, value in state.items()}
+        speed = self.num_timesteps / max(self.seconds, 1e-9)
+        standing = "" if np.isnan(upright) else f", upright {upright:4.0%}"
+        self.bar.say(f"return {returns.mean():.0f}{standing}, {speed:,.0f} steps/s")

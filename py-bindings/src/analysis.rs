@@ -1,0 +1,32 @@
+//! Controllability, observability and buckling of a rod, for plots over its parameters.
+
+use crate::baselines::raise_baseline;
+use crate::convert::to_map;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use rodgym_baselines::pendulum::{RodDesign, buckling_width, discrete_buckling_width, reach};
+
+/// Adds this file's functions to the module.
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_function(wrap_pyfunction!(analyse, module)?)
+}
+
+/// How well a rod is moved and seen from its base about up, without units, and when it buckles.
+///
+/// `rod`: keywords of the rod; the others keep their defaults. Returns `states`, `controllable` and
+/// `observable` (ranks), `hankel` (values, largest first), `distance` to the nearest uncontrollable
+/// system, `buckling_width` of the continuous and `discrete_buckling_width` of the discrete rod [m].
+#[pyfunction]
+fn analyse<'py>(py: Python<'py>, rod: &Bound<'py, PyDict>) -> PyResult<Bound<'py, PyDict>> {
+    let design = RodDesign::from_config(&to_map(rod)?).map_err(raise_baseline)?;
+    let found = py.detach(|| reach(&design)).map_err(raise_baseline)?;
+    let out = PyDict::new(py);
+    out.set_item("states", found.states)?;
+    out.set_item("controllable", found.controllable)?;
+    out.set_item("observable", found.observable)?;
+    out.set_item("hankel", numpy::PyArray1::from_vec(py, found.hankel))?;
+    out.set_item("distance", found.distance)?;
+    out.set_item("buckling_width", buckling_width(&design))?;
+    out.set_item("discrete_buckling_width", discrete_buckling_width(&design))?;
+    Ok(out)
+}

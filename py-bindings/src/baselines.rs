@@ -1,0 +1,134 @@
+//! `Controller`: a classical controller of the crate rodgym-baselines, as NumPy sees it.
+
+use crate::convert::{to_map, to_python};
+use crate::errors::{raise, to_py};
+use numpy::{PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
+use rodgym_baselines::registry::{self, Target};
+use rodgym_baselines::{Controller as Law, Error};
+use serde_json::Value;
+
+/// Adds this file's classes and functions to the module.
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<Controller>()?;
+    module.add("CONTROLLERS", PyTuple::new(module.py(), registry::NAMES)?)
+}
+
+/// An error of the crate as a Python exception.
+pub fn raise_baseline(error: Error) -> PyErr {
+    let message = error.to_string();
+    match error {
+        Error::Core(error) => to_py(error),
+        Error::Shape { .. } => raise("ShapeError", message),
+        Error::NoSolution { .. } => raise("DesignError", message),
+        Error::Parameter { .. } | Error::Unsuitable { .. } => raise("ParameterError", message),
+    }
+}
+
+/// Actions (n, a) and the next state (n, s).
+type Answer<'py> = (Bound<'py, PyArray2<f32>>, Bound<'py, PyArray2<f64>>);
+
+/// A control law made for an environment: `name` of CONTROLLERS, the environment's `config` and the
+/// length of its observations.
+#[pyclass(module = "rodgym._native", frozen)]
+pub struct Controller {
+    name: String,
+    target: Target,
+    law: Box<dyn Law>,
+}
+
+#[pymethods]
+impl Controller {
+    #[new]
+    fn new(
+        py: Python<'_>,
+        name: String,
+        config: &Bound<'_, PyDict>,
+        observation_size: usize,
+    ) -> PyResult<Self> {
+        let target = Target { config: to_map(config)?, observation_size };
+        let law = py.detach(|| registry::make(&name, &target)).map_err(raise_baseline)?;
+        Ok(Controller { name, target, law })
+    }
+
+    /// One of CONTROLLERS.
+    #[getter]
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The environment's keywords, as it was designed for.
+    #[getter]
+    fn config<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        to_python(py, &Value::Object(self.target.config.clone()))
+    }
+
+    /// Length of an observation.
+    #[getter]
+    fn observation_size(&self) -> usize {
+        self.law.observation_size()
+    }
+
+    /// Length of an action.
+    #[getter]
+    fn action_size(&self) -> usize {
+        self.law.action_size()
+    }
+
+    /// What the design settled on, by name.
+    #[getter]
+    fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let dict = PyDict::new(py);
+        for (name, value) in self.law.parameters() {
+            dict.set_item(name, value)?;
+        }
+        Ok(dict)
+    }
+
+    /// Numbers that it remembers of each environment.
+    #[getter]
+    fn state_size(&self) -> usize {
+        self.law.state_size()
+    }
+
+    /// Actions (n, a) float32 and the next state (n, s) from observations (n, d) float32, state (n, s)
+    /// and the mask of episodes that begin (n).
+    fn predict<'py>(
+        &self,
+        py: Python<'py>,
+        observation: PyReadonlyArray2<'py, f32>,
+        state: PyReadonlyArray2<'py, f64>,
+        episode_start: PyReadonlyArray1<'py, bool>,
+    ) -> PyResult<Answer<'py>> {
+        let n = episode_start.len();
+        let (d, s) = (self.law.observation_size(), self.law.state_size());
+        for (name, got, expected) in
+            [("observation", observation.shape(), [n, d]), ("state", state.shape(), [n, s])]
+        {
+            if got != expected {
+                let message = format!("{name} has shape {got:?}, but {expected:?} is needed");
+                return Err(raise("ShapeError", message));
+            }
+        }
+        let observation: Vec<f32> = observation.as_array().iter().copied().collect();
+        let mut next: Vec<f64> = state.as_array().iter().copied().collect();
+        let start = episode_start.as_array().to_vec();
+        let mut actions = vec![0.0; n * self.law.action_size()];
+        py.detach(|| self.law.predict(&observation, &mut next, &start, &mut actions))
+            .map_err(raise_baseline)?;
+        let actions =
+            numpy::PyArray1::from_vec(py, actions).reshape([n, self.law.action_size()])?;
+        Ok((actions, numpy::PyArray1::from_vec(py, next).reshape([n, s])?))
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
+        let (py, this) = (slf.py(), slf.get());
+        let arguments = (&this.name, this.config(py)?, this.target.observation_size);
+        (slf.get_type(), arguments).into_pyobject(py)
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Controller({:?})", self.name)
+    }
+}

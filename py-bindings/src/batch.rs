@@ -1,0 +1,411 @@
+//! `Batch`: many environments stepped together, as NumPy sees them.
+//!
+//! Every call makes its result arrays, hands their memory to Rust, and releases the GIL while Rust fills
+//! them. Nothing is copied afterwards, nothing is shared between calls.
+
+use crate::arguments::{Actions, count, read_options, read_seeds};
+use crate::convert::{points, serialize, to_map};
+use crate::errors::{OrRaise, raise, to_py};
+use crate::render::Gallery;
+use numpy::{
+    PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadwriteArray2,
+    PyUntypedArrayMethods,
+};
+use pyo3::intern;
+use pyo3::prelude::*;
+use pyo3::sync::MutexExt;
+use pyo3::types::{PyBytes, PyDict, PyList, PyTuple};
+use rodgym_core::env::{AutoresetMode, Scene, Spec, StepBuffer, StepData, VectorEnv};
+use rodgym_core::registry::{self, MakeOptions};
+use rodgym_core::{Error, Result};
+use serde_json::Value;
+use std::sync::{Mutex, MutexGuard};
+
+/// Adds this file's classes and functions to the module.
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<Batch>()?;
+    module.add("PICTURE_LIMITS", rodgym_render::SIZE_LIMITS)?;
+    module.add("IDS", PyTuple::new(module.py(), registry::IDS)?)
+}
+
+/// A batch of environments of one kind.
+///
+/// `step` and `reset` return ten arrays for n environments with d observations, k reward terms and
+/// metrics, and p parameters: observation (n, d) float32, reward (n), terminated (n), truncated (n),
+/// final_observation (n, d) where an episode ended in mode SameStep, terms (n, k) where a step was
+/// taken, parameters (n, p) where an episode began, stepped (n), began (n), solver_failure (n).
+/// Elsewhere they are zero.
+#[pyclass(module = "rodgym._native", frozen)]
+pub struct Batch {
+    inner: Mutex<Inner>,
+    gallery: Gallery,
+    spec: Spec,
+    options: MakeOptions,
+}
+
+struct Inner {
+    env: Box<dyn VectorEnv>,
+    /// Actions of the step being taken: the caller's array is not read once the GIL is released.
+    actions: Vec<f32>,
+    /// Results of the one environment of mode Single; empty otherwise.
+    buffer: StepBuffer,
+}
+
+/// Observation (d,), reward, terminated, truncated, info.
+type SingleStep<'py> = (Bound<'py, PyArray1<f32>>, f64, bool, bool, Bound<'py, PyDict>);
+
+#[pymethods]
+impl Batch {
+    #[new]
+    #[pyo3(signature = (id, num_envs=None, kwargs=None, autoreset_mode="NextStep", max_episode_steps=None, num_threads=None))]
+    fn new(
+        id: String,
+        num_envs: Option<&Bound<'_, PyAny>>,
+        kwargs: Option<&Bound<'_, PyDict>>,
+        autoreset_mode: &str,
+        max_episode_steps: Option<&Bound<'_, PyAny>>,
+        num_threads: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
+        let options = MakeOptions {
+            id,
+            num_envs: num_envs.map_or(Ok(1), |n| count("num_envs", n))?,
+            kwargs: kwargs.map_or_else(|| Ok(Default::default()), to_map)?,
+            autoreset_mode: serde_json::from_value(Value::from(autoreset_mode)).map_err(|_| {
+                let allowed = "'NextStep', 'SameStep' or 'Disabled'";
+                to_py(Error::parameter("autoreset_mode", autoreset_mode, allowed))
+            })?,
+            max_episode_steps: max_episode_steps
+                .map(|n| count("max_episode_steps", n))
+                .transpose()?
+                .map(|n| u32::try_from(n).unwrap_or(u32::MAX)),
+            num_threads: num_threads.map_or(Ok(cores), |n| count("num_threads", n))?,
+        };
+        let env = registry::make(&options).or_raise()?;
+        let spec = env.spec().clone();
+        let actions = vec![0.0; options.num_envs * spec.action.size()];
+        let single = options.autoreset_mode == AutoresetMode::Single;
+        let buffer = StepBuffer::new(&spec, if single { 1 } else { 0 });
+        let inner = Mutex::new(Inner { env, actions, buffer });
+        Ok(Batch { inner, gallery: Gallery::default(), spec, options })
+    }
+
+    /// Everything there is to know before stepping, as dictionaries and lists.
+    #[getter]
+    fn spec<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        serialize(py, &self.spec)
+    }
+
+    /// Number of environments.
+    #[getter]
+    fn num_envs(&self) -> usize {
+        self.options.num_envs
+    }
+
+    /// "NextStep", "SameStep", "Disabled" or "Single".
+    #[getter]
+    fn autoreset_mode(&self) -> &'static str {
+        match self.options.autoreset_mode {
+            AutoresetMode::NextStep => "NextStep",
+            AutoresetMode::SameStep => "SameStep",
+            AutoresetMode::Disabled => "Disabled",
+            AutoresetMode::Single => "Single",
+        }
+    }
+
+    /// Steps after which an episode is cut; None: never.
+    #[getter]
+    fn max_episode_steps(&self) -> Option<u32> {
+        self.options.max_episode_steps
+    }
+
+    /// Number of threads of a step; results do not depend on it.
+    #[getter]
+    fn num_threads(&self, py: Python<'_>) -> PyResult<usize> {
+        Ok(self.lock(py)?.env.num_threads())
+    }
+
+    #[setter]
+    fn set_num_threads(&self, py: Python<'_>, threads: &Bound<'_, PyAny>) -> PyResult<()> {
+        let threads = count("num_threads", threads)?;
+        self.lock(py)?.env.set_num_threads(threads).or_raise()
+    }
+
+    /// Starts episodes in all environments, or where `mask` is set. `seeds`: None continues the random
+    /// streams, an integer gives environment i the seed + i, a list gives each its own (or None).
+    /// `options`: `parameters` and `state`, see the environment's page.
+    #[pyo3(signature = (seeds=None, mask=None, options=None, out=None))]
+    fn reset<'py>(
+        &self,
+        py: Python<'py>,
+        seeds: Option<&Bound<'py, PyAny>>,
+        mask: Option<PyReadonlyArray1<'py, bool>>,
+        options: Option<&Bound<'py, PyDict>>,
+        out: Option<PyReadwriteArray2<'py, f32>>,
+    ) -> PyResult<Bound<'py, PyTuple>> {
+        let seeds = read_seeds(seeds)?;
+        let options = read_options(options)?;
+        let mask = mask.map(|mask| mask.as_array().to_vec());
+        let guard = self.lock(py)?;
+        self.fill(py, guard, out, |inner, data| {
+            inner.env.reset(&seeds, mask.as_deref(), &options, data)
+        })
+    }
+
+    /// One control step of every environment; `actions` (n, a) numbers, clipped to the space.
+    #[pyo3(signature = (actions, out=None))]
+    fn step<'py>(
+        &self,
+        py: Python<'py>,
+        actions: &Bound<'py, PyAny>,
+        out: Option<PyReadwriteArray2<'py, f32>>,
+    ) -> PyResult<Bound<'py, PyTuple>> {
+        let expected = [self.options.num_envs, self.spec.action.size()];
+        let actions = Actions::read(actions, &expected)?;
+        let mut guard = self.lock(py)?;
+        actions.copy_to(&mut guard.actions);
+        self.fill(py, guard, out, |Inner { env, actions, .. }, data| env.step(actions, data))
+    }
+
+    /// `reset` of the one environment of mode Single: observation (d,) and info.
+    #[pyo3(signature = (seed=None, options=None))]
+    fn reset_single<'py>(
+        &self,
+        py: Python<'py>,
+        seed: Option<&Bound<'py, PyAny>>,
+        options: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<(Bound<'py, PyArray1<f32>>, Bound<'py, PyDict>)> {
+        self.check_single()?;
+        let (seeds, options) = (read_seeds(seed)?, read_options(options)?);
+        let mut guard = self.lock(py)?;
+        let Inner { env, buffer, .. } = &mut *guard;
+        py.detach(|| env.reset(&seeds, None, &options, buffer.data())).or_raise()?;
+        let info = PyDict::new(py);
+        let names = self.spec.parameters.iter().map(|parameter| parameter.name);
+        info.set_item(intern!(py, "parameters"), table(py, names, &buffer.parameters)?)?;
+        Ok((PyArray1::from_slice(py, &buffer.observation), info))
+    }
+
+    /// `step` of the one environment of mode Single: observation (d,), reward, terminated, truncated, info.
+    fn step_single<'py>(
+        &self,
+        py: Python<'py>,
+        action: &Bound<'py, PyAny>,
+    ) -> PyResult<SingleStep<'py>> {
+        self.check_single()?;
+        let action = Actions::read(action, &[self.spec.action.size()])?;
+        let mut guard = self.lock(py)?;
+        let Inner { env, actions, buffer } = &mut *guard;
+        action.copy_to(actions);
+        buffer.solver_failure[0] = false;
+        py.detach(|| env.step(actions, buffer.data())).or_raise()?;
+        let (terms, metrics) = buffer.terms.split_at(self.spec.reward_terms.len());
+        let info = table(py, self.spec.metrics.iter().copied(), metrics)?;
+        let terms = table(py, self.spec.reward_terms.iter().copied(), terms)?;
+        info.set_item(intern!(py, "reward_terms"), terms)?;
+        if buffer.solver_failure[0] {
+            info.set_item(intern!(py, "solver_failure"), true)?;
+        }
+        let observation = PyArray1::from_slice(py, &buffer.observation);
+        Ok((observation, buffer.reward[0], buffer.terminated[0], buffer.truncated[0], info))
+    }
+
+    /// Everything about environment `index` (physics, random stream, clock) as versioned bytes.
+    fn get_state<'py>(&self, py: Python<'py>, index: usize) -> PyResult<Bound<'py, PyBytes>> {
+        Ok(PyBytes::new(py, &self.lock(py)?.env.get_state(index).or_raise()?))
+    }
+
+    /// Puts a snapshot in place of environment `index`.
+    fn set_state(&self, py: Python<'_>, index: usize, state: &[u8]) -> PyResult<()> {
+        self.lock(py)?.env.set_state(index, state).or_raise()
+    }
+
+    /// The last observation of environment `index`: (d,) float32.
+    fn observe<'py>(&self, py: Python<'py>, index: usize) -> PyResult<Bound<'py, PyArray1<f32>>> {
+        let mut observation = vec![0.0; self.spec.observation.size()];
+        self.lock(py)?.env.observe(index, &mut observation).or_raise()?;
+        Ok(PyArray1::from_vec(py, observation))
+    }
+
+    /// What there is to draw of environment `index`, as a dictionary.
+    fn scene<'py>(&self, py: Python<'py>, index: usize) -> PyResult<Bound<'py, PyAny>> {
+        serialize(py, &self.scene_of(py, index)?)
+    }
+
+    /// A picture of environment `index`: (height, width, 3) uint8, needs no display. A side left out
+    /// [pixels] is the one that suits the machine. Earlier pictures of the episode show as a trail.
+    #[pyo3(signature = (index, width=None, height=None))]
+    fn render<'py>(
+        &self,
+        py: Python<'py>,
+        index: usize,
+        width: Option<u32>,
+        height: Option<u32>,
+    ) -> PyResult<Bound<'py, PyArray3<u8>>> {
+        self.gallery.picture(py, index, &self.scene_of(py, index)?, (width, height))
+    }
+
+    /// The same picture as an SVG document.
+    #[pyo3(signature = (index, width=None, height=None))]
+    fn svg(
+        &self,
+        py: Python<'_>,
+        index: usize,
+        width: Option<u32>,
+        height: Option<u32>,
+    ) -> PyResult<String> {
+        self.gallery.svg(py, index, &self.scene_of(py, index)?, (width, height))
+    }
+
+    /// Physical parameters in force in environment `index`, by name.
+    fn parameters<'py>(&self, py: Python<'py>, index: usize) -> PyResult<Bound<'py, PyDict>> {
+        let values = self.lock(py)?.env.parameters(index).or_raise()?;
+        let dict = PyDict::new(py);
+        for (parameter, value) in self.spec.parameters.iter().zip(values) {
+            dict.set_item(parameter.name, value)?;
+        }
+        Ok(dict)
+    }
+
+    /// Positions [m] and velocities [m/s] of the nodes of environment `index`, each (nodes, 2).
+    fn nodes<'py>(
+        &self,
+        py: Python<'py>,
+        index: usize,
+    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        let state = self.lock(py)?.env.nodes(index).or_raise()?;
+        Ok((points(py, &state.positions)?, points(py, &state.velocities)?))
+    }
+
+    /// Pickling keeps the state: arguments first, then one snapshot an environment.
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
+        let (py, this) = (slf.py(), slf.get());
+        let inner = this.lock(py)?;
+        let states = PyList::empty(py);
+        for index in 0..this.options.num_envs {
+            match inner.env.get_state(index) {
+                Ok(state) => states.append(PyBytes::new(py, &state))?,
+                Err(Error::NotReset) => states.append(py.None())?,
+                Err(error) => return Err(to_py(error)),
+            }
+        }
+        let options = &this.options;
+        let arguments = (
+            &options.id,
+            options.num_envs,
+            serialize(py, &options.kwargs)?,
+            this.autoreset_mode(),
+            options.max_episode_steps,
+            inner.env.num_threads(),
+        );
+        (slf.get_type(), arguments, states).into_pyobject(py)
+    }
+
+    fn __setstate__(&self, py: Python<'_>, states: Vec<Option<Vec<u8>>>) -> PyResult<()> {
+        let mut inner = self.lock(py)?;
+        for (index, state) in states.iter().enumerate() {
+            if let Some(state) = state {
+                inner.env.set_state(index, state).or_raise()?;
+            }
+        }
+        Ok(())
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Batch({:?}, num_envs={})", self.spec.id, self.options.num_envs)
+    }
+}
+
+impl Batch {
+    fn check_single(&self) -> PyResult<()> {
+        if self.options.autoreset_mode == AutoresetMode::Single && self.options.num_envs == 1 {
+            return Ok(());
+        }
+        Err(raise("RodgymError", "this batch was not made as one environment of mode 'Single'"))
+    }
+
+    /// What there is to draw of environment `index`.
+    pub fn scene_of(&self, py: Python<'_>, index: usize) -> PyResult<Scene> {
+        self.lock(py)?.env.scene(index).or_raise()
+    }
+
+    /// The batch, waiting without the GIL while another thread steps it.
+    fn lock(&self, py: Python<'_>) -> PyResult<MutexGuard<'_, Inner>> {
+        self.inner.lock_py_attached(py).map_err(|_| {
+            raise("RodgymError", "this batch is not usable: an earlier call ended in a panic")
+        })
+    }
+
+    /// Makes result arrays and lets `call` fill them without the GIL.
+    fn fill<'py>(
+        &self,
+        py: Python<'py>,
+        mut guard: MutexGuard<'_, Inner>,
+        out: Option<PyReadwriteArray2<'py, f32>>,
+        call: impl FnOnce(&mut Inner, StepData<'_>) -> Result<()> + Send,
+    ) -> PyResult<Bound<'py, PyTuple>> {
+        let n = self.options.num_envs;
+        let d = self.spec.observation.size();
+        let k = self.spec.reward_terms.len() + self.spec.metrics.len();
+        let p = self.spec.parameters.len();
+        let mut observation = match out {
+            Some(array) if array.shape() == [n, d] && array.is_c_contiguous() => array,
+            Some(array) => {
+                return Err(to_py(Error::Shape {
+                    name: "out".into(),
+                    got: format!("{:?}", array.shape()),
+                    expected: format!("[{n}, {d}], contiguous"),
+                }));
+            }
+            None => PyArray2::zeros(py, [n, d], false).readwrite(),
+        };
+        let mut final_observation = PyArray2::<f32>::zeros(py, [n, d], false).readwrite();
+        let mut terms = PyArray2::<f64>::zeros(py, [n, k], false).readwrite();
+        let mut parameters = PyArray2::<f64>::zeros(py, [n, p], false).readwrite();
+        let mut reward = PyArray1::<f64>::zeros(py, n, false).readwrite();
+        let flags = || PyArray1::<bool>::zeros(py, n, false).readwrite();
+        let (mut terminated, mut truncated, mut stepped) = (flags(), flags(), flags());
+        let (mut began, mut solver_failure) = (flags(), flags());
+        let data = StepData {
+            observation: observation.as_slice_mut()?,
+            reward: reward.as_slice_mut()?,
+            terminated: terminated.as_slice_mut()?,
+            truncated: truncated.as_slice_mut()?,
+            final_observation: final_observation.as_slice_mut()?,
+            terms: terms.as_slice_mut()?,
+            parameters: parameters.as_slice_mut()?,
+            stepped: stepped.as_slice_mut()?,
+            began: began.as_slice_mut()?,
+            solver_failure: solver_failure.as_slice_mut()?,
+        };
+        let inner = &mut *guard;
+        py.detach(|| call(inner, data)).or_raise()?;
+        drop(guard);
+        let result = [
+            observation.as_any(),
+            reward.as_any(),
+            terminated.as_any(),
+            truncated.as_any(),
+            final_observation.as_any(),
+            terms.as_any(),
+            parameters.as_any(),
+            stepped.as_any(),
+            began.as_any(),
+            solver_failure.as_any(),
+        ];
+        PyTuple::new(py, result)
+    }
+}
+
+/// Names and values as a dictionary.
+fn table<'py>(
+    py: Python<'py>,
+    names: impl Iterator<Item = &'static str>,
+    values: &[f64],
+) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    for (name, value) in names.zip(values) {
+        dict.set_item(name, value)?;
+    }
+    Ok(dict)
+}

@@ -1,0 +1,39 @@
+//! `rodgym._native`: the Rust core as a Python extension module.
+//!
+//! One file a subject; each has a `register` that adds its classes and functions to the module. The
+//! Python package around it (`python/rodgym`) gives them Gymnasium's and Stable-Baselines3's faces.
+
+mod analysis;
+mod arguments;
+mod baselines;
+mod batch;
+mod convert;
+mod errors;
+mod fin_sim;
+mod infos;
+mod machine;
+mod render;
+mod riccati;
+mod serve;
+mod sim;
+mod thesis;
+
+use pyo3::prelude::*;
+
+/// The Rust core of rodgym. Use the package `rodgym`; this module is its engine.
+#[pymodule]
+fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    analysis::register(module)?;
+    baselines::register(module)?;
+    batch::register(module)?;
+    fin_sim::register(module)?;
+    infos::register(module)?;
+    machine::register(module)?;
+    render::register(module)?;
+    riccati::register(module)?;
+    serve::register(module)?;
+    sim::register(module)?;
+    thesis::register(module)?;
+    Ok(())
+}

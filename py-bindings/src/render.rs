@@ -1,0 +1,108 @@
+//! Pictures as NumPy arrays and as SVG.
+
+use crate::convert::to_map;
+use crate::errors::{OrRaise, raise, to_py};
+use numpy::{PyArray1, PyArray3, PyArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use rodgym_core::env::Scene;
+use rodgym_core::{Error, Result};
+use rodgym_render::{Painter, default_size};
+use std::collections::HashMap;
+use std::sync::Mutex;
+
+/// Width and height \[px\] as asked for; a side left out is the one that suits the machine.
+pub type Size = (Option<u32>, Option<u32>);
+
+/// Adds this file's classes to the module.
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<Gallery>()
+}
+
+/// The painters of a batch: one for each environment that was ever drawn.
+#[pyclass(module = "rodgym._native", frozen)]
+#[derive(Default)]
+pub struct Gallery {
+    painters: Mutex<HashMap<usize, Painter>>,
+}
+
+#[pymethods]
+impl Gallery {
+    #[new]
+    fn new() -> Self {
+        Gallery::default()
+    }
+
+    /// `Batch.render` of a scene that came from elsewhere.
+    #[pyo3(signature = (index, scene, width=None, height=None))]
+    fn render<'py>(
+        &self,
+        py: Python<'py>,
+        index: usize,
+        scene: &Bound<'py, PyDict>,
+        width: Option<u32>,
+        height: Option<u32>,
+    ) -> PyResult<Bound<'py, PyArray3<u8>>> {
+        self.picture(py, index, &read(scene)?, (width, height))
+    }
+
+    /// `Batch.svg` of a scene that came from elsewhere.
+    #[pyo3(name = "svg", signature = (index, scene, width=None, height=None))]
+    fn svg_of(
+        &self,
+        py: Python<'_>,
+        index: usize,
+        scene: &Bound<'_, PyDict>,
+        width: Option<u32>,
+        height: Option<u32>,
+    ) -> PyResult<String> {
+        self.svg(py, index, &read(scene)?, (width, height))
+    }
+}
+
+fn read(scene: &Bound<'_, PyDict>) -> PyResult<Scene> {
+    let refuse =
+        |e: serde_json::Error| to_py(Error::parameter("scene", e, "what Batch.scene gives"));
+    serde_json::from_value(to_map(scene)?.into()).map_err(refuse)
+}
+
+impl Gallery {
+    /// Draws the scene of environment `index`: (height, width, 3) uint8.
+    pub fn picture<'py>(
+        &self,
+        py: Python<'py>,
+        index: usize,
+        scene: &Scene,
+        size: Size,
+    ) -> PyResult<Bound<'py, PyArray3<u8>>> {
+        let (width, height) = full(scene, size);
+        let rgb = self.draw(py, index, |painter| painter.render(scene, (width, height)))?;
+        PyArray1::from_vec(py, rgb).reshape([height as usize, width as usize, 3])
+    }
+
+    /// Draws the scene of environment `index` as an SVG document.
+    pub fn svg(&self, py: Python<'_>, index: usize, scene: &Scene, size: Size) -> PyResult<String> {
+        self.draw(py, index, |painter| painter.render_svg(scene, full(scene, size)))
+    }
+
+    /// Lets the environment's painter draw. The lock is taken without the GIL, so that a thread that
+    /// draws cannot block one that waits for it.
+    fn draw<T: Send>(
+        &self,
+        py: Python<'_>,
+        index: usize,
+        draw: impl FnOnce(&mut Painter) -> Result<T> + Send,
+    ) -> PyResult<T> {
+        py.detach(|| {
+            let mut painters = self.painters.lock().ok()?;
+            Some(draw(painters.entry(index).or_default()))
+        })
+        .ok_or_else(|| raise("RodgymError", "an earlier picture of this batch ended in a panic"))?
+        .or_raise()
+    }
+}
+
+fn full(scene: &Scene, (width, height): Size) -> (u32, u32) {
+    let usual = default_size(&scene.machine);
+    (width.unwrap_or(usual.0), height.unwrap_or(usual.1))
+}

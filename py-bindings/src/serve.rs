@@ -1,0 +1,30 @@
+//! `serve`: the network server inside a wheel, the same code as the program `rodgym-server`.
+
+#[cfg(not(feature = "server"))]
+use crate::errors::raise;
+use pyo3::prelude::*;
+use std::ffi::OsString;
+
+/// Adds this file's functions to the module.
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_function(wrap_pyfunction!(serve, module)?)
+}
+
+/// Runs `rodgym-server` with these arguments and returns its exit code. Blocks until SIGTERM or
+/// SIGINT, which are the server's own while it runs; other threads go on.
+#[cfg(feature = "server")]
+#[pyfunction]
+fn serve(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
+    py.detach(|| rodgym_server::net::cli::main(arguments))
+}
+
+/// This build has no server.
+#[cfg(not(feature = "server"))]
+#[pyfunction]
+fn serve(arguments: Vec<OsString>) -> PyResult<u8> {
+    let _ = arguments;
+    Err(raise(
+        "RodgymError",
+        "this build of rodgym has no network server; build with `maturin develop --features server`",
+    ))
+}
