@@ -1,0 +1,78 @@
+"""The Riccati solvers give scipy's and python-control's answers, and refuse what has none."""
+
+import control
+import numpy as np
+import pytest
+import scipy.linalg
+from rodgym.baselines import care, dare
+from rodgym.errors import DesignError, ParameterError, ShapeError
+
+
+def random_system(seed, size=1.0):
+    rng = np.random.default_rng(seed)
+    n, m = rng.integers(1, 13), rng.integers(1, 4)
+    root = rng.normal(size=(n + m, n + m))
+    joint = root @ root.T + 0.1 * np.eye(n + m)
+    a = size * rng.normal(size=(n, n)) / np.sqrt(n)
+    return a, rng.normal(size=(n, m)), joint[:n, :n], joint[n:, n:], joint[:n, n:]
+
+
+def tolerance(p):
+    # The solution of a hardly controllable pair is large, and known to as many digits less.
+    return 1e-9 * np.linalg.norm(p) * max(1.0, np.linalg.norm(p) * 1e-4)
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_dare_is_scipys(seed):
+    a, b, q, r, n = random_system(seed, size=0.1 + 0.04 * seed)
+    expected = scipy.linalg.solve_discrete_are(a, b, q, r, s=n)
+    p, k = dare(a, b, q, r, n)
+    assert np.linalg.norm(p - expected) < tolerance(expected)
+    assert np.max(np.abs(np.linalg.eigvals(a - b @ k))) < 1
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_care_is_scipys(seed):
+    a, b, q, r, n = random_system(1000 + seed, size=0.1 + 0.5 * seed)
+    expected = scipy.linalg.solve_continuous_are(a, b, q, r, s=n)
+    p, k = care(a, b, q, r, n)
+    assert np.linalg.norm(p - expected) < tolerance(expected)
+    assert np.max(np.linalg.eigvals(a - b @ k).real) < 0
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_gains_are_those_of_python_control(seed):
+    a, b, q, r, n = random_system(2000 + seed)
+    assert np.allclose(care(a, b, q, r, n)[1], control.lqr(a, b, q, r, n)[0], rtol=1e-6, atol=1e-8)
+    assert np.allclose(dare(a, b, q, r, n)[1], control.dlqr(a, b, q, r, n)[0], rtol=1e-6, atol=1e-8)
+
+
+@pytest.mark.parametrize("spread", [1e2, 1e4, 1e6])
+def test_modes_far_apart_and_cheap_control(spread):
+    """Poles and weights orders of magnitude apart, as flexible rods have them."""
+    a = np.diag([0.5, -1.0, -spread, 0.1 * spread])
+    a[0, 2] = a[3, 1] = 1.0
+    b = np.array([[1.0], [0.3], [spread], [1.0]])
+    q, r = np.diag([1.0, spread, 1e-3, 1.0]), np.array([[1.0 / spread]])
+    p, k = care(a, b, q, r)
+    expected = scipy.linalg.solve_continuous_are(a, b, q, r)
+
+    # Scipy's own residual grows with the spread: compare what both leave of the equation.
+    def residual(x):
+        return np.linalg.norm(a.T @ x + x @ a - x @ b @ (b.T @ x) / r + q)
+
+    assert residual(p) < 10 * residual(expected) + 1e-9 * np.linalg.norm(p)
+    assert np.max(np.linalg.eigvals(a - b @ k).real) < 0
+
+
+def test_what_has_no_solution_is_refused():
+    identity = np.eye(2)
+    out_of_reach = np.array([[0.0], [0.0]])
+    with pytest.raises(DesignError, match="no stabilising solution"):
+        dare(1.2 * identity, out_of_reach, identity, np.eye(1))
+    with pytest.raises(DesignError, match="no stabilising solution"):
+        care(identity, out_of_reach, identity, np.eye(1))
+    with pytest.raises(ShapeError, match="Q has shape"):
+        care(identity, out_of_reach, np.eye(3), np.eye(1))
+    with pytest.raises(ParameterError, match="positive definite"):
+        dare(identity, out_of_reach, identity, -np.eye(1))

@@ -1,0 +1,146 @@
+"""The `rodgym` program: what it answers to good and to bad input."""
+
+import csv
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rodgym
+from PIL import Image
+from rodgym.cli import main
+from rodgym.cli.app import build_parser, command_names, load_command
+
+ENV = "rodgym/PendulumSwingUp-v0"
+
+
+@pytest.fixture(autouse=True)
+def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    with path.open(newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+@pytest.mark.parametrize("name", command_names())
+def test_every_command_has_help_with_an_example_that_its_parser_takes(
+    name: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    try:
+        code = main([name, "--help"])
+    except SystemExit as leaving:
+        code = leaving.code
+    assert code == 0
+    # The server, which is Rust, prints its own help.
+    shown = capfd.readouterr().out
+    assert name in shown
+    assert "examples:" in shown or name == "serve"
+    parser = build_parser()
+    for line in load_command(name).EXAMPLES.strip().splitlines():
+        program, *words = line.split()
+        assert program == "rodgym"
+        assert parser.parse_args(words).command == name
+
+
+def test_help_does_not_load_heavy_packages() -> None:
+    code = (
+        "import sys; from rodgym.cli.app import build_parser; build_parser(); "
+        "heavy = {'torch', 'stable_baselines3', 'matplotlib', 'scipy'}; "
+        "print(sorted(heavy & sys.modules.keys()))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["evaluate", "no-such-policy"], "no-such-policy"),
+        (["evaluate", "lqr", "--env", "CartPole"], "CartPole"),
+        (["evaluate", "lqr", "--seeds", "0"], "'0' names 0 seeds"),
+        (["evaluate", "lqr", "--seeds", "5:3"], "'5:3' names 0 seeds"),
+        (["evaluate", "lqr", "--seeds", "many"], "many"),
+        (["evaluate", "lqr", "--env-arg", "width"], "NAME=VALUE"),
+        (["evaluate", "lqr", "--env-arg", "width=-1"], "width"),
+        (["evaluate", "lqr", "--env-arg", "colour=red"], "colour"),
+        (["evaluate", "lqr", "--name", "../elsewhere"], "../elsewhere"),
+        (["train", "--steps", "0"], "'0' is not a whole number"),
+        (["train", "--algorithm", "DQN"], "DQN"),
+        (["train", "--set", "n_envs=none"], "n_envs"),
+        (["train", "--set", "speed=3"], "speed"),
+        (["train", "--recipe", "missing.yml"], "missing.yml"),
+        (["compare", "--controller", "pid"], "pid"),
+        (["render", "lqr"], "--show"),
+        (["render", "lqr", "film.mov"], "film.mov"),
+        (["render", "lqr", "no/such/folder.gif"], "no/such"),
+        (["dance"], "dance"),
+    ],
+)
+def test_bad_input_is_refused_in_one_sentence_with_code_2(
+    arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    try:
+        code = main(arguments)
+    except SystemExit as leaving:
+        code = leaving.code
+    error = capsys.readouterr().err
+    assert code == 2
+    assert said in error.splitlines()[-1]
+    assert "Traceback" not in error
+
+
+def test_list_shows_every_registered_environment(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list"]) == 0
+    shown = capsys.readouterr().out
+    for name in rodgym.ENVIRONMENTS:
+        assert name in shown
+
+
+def test_list_of_one_environment_names_its_keywords(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list", "PendulumSwingUp"]) == 0
+    shown = capsys.readouterr().out
+    for keyword in ("width", "youngs_modulus", "bending_damping"):
+        assert keyword in shown
+
+
+def test_evaluate_writes_one_row_per_seed_and_says_how_it_was_made(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["evaluate", "lqr", "--seeds", "3:7", "--name", "check"]) == 0
+    table = rows(Path("runs/check/scores.csv"))
+    assert [row["seed"] for row in table] == ["3", "4", "5", "6"]
+    assert all(float(row["return"]) > 0 for row in table)
+    facts = json.loads(Path("runs/check/run.json").read_text())
+    assert facts["env"] == ENV
+    assert facts["versions"]["numpy"] == np.__version__
+    assert "mean of 4 episodes" in capsys.readouterr().out
+
+
+def test_render_draws_a_moving_picture_and_a_strip_of_stills() -> None:
+    assert main(["render", "lqr", "swing.gif", "--seed", "1"]) == 0
+    with Image.open("swing.gif") as film:
+        # Five seconds of episode, then a pause; equal pictures are stored once, so count time.
+        shown = 0
+        for k in range(film.n_frames):
+            film.seek(k)
+            shown += film.info["duration"]
+        assert 5000 <= shown <= 7000
+        film.seek(0)
+        first = np.asarray(film.convert("RGB"), int)
+        film.seek(40)
+        assert np.abs(np.asarray(film.convert("RGB"), int) - first).max() > 50
+    assert main(["render", "lqr", "strip.png", "--stills", "3"]) == 0
+    with Image.open("strip.png") as strip:
+        assert strip.width > 2 * strip.height
+
+
+def test_python_dash_m_is_the_same_program() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "rodgym", "evaluate", "nobody"], capture_output=True, text=True
+    )
+    assert done.returncode == 2
+    assert done.stderr.startswith("rodgym evaluate: error: policy 'nobody'")

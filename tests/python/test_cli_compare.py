@@ -1,0 +1,186 @@
+"""Training, evaluation and report, end to end and short."""
+
+import csv
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+import pytest
+import rodgym.evaluation
+from rodgym.cli import main
+from rodgym.evaluation.policies import Stacked, load_policy, read_card
+from rodgym.evaluation.score import Trajectories, score
+
+ENV = "rodgym/PendulumSwingUp-v0"
+SMALL = ["--set", "n_envs=8", "--set", "n_steps=32", "--set", "batch_size=64", "--steps", "512"]
+
+
+@pytest.fixture(autouse=True)
+def in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def test_an_evaluation_is_what_single_environments_play_one_by_one() -> None:
+    seeds = [5, 17, 2]
+    result = rodgym.evaluation.evaluate("lqr", ENV, seeds)
+    for i, seed in enumerate(seeds):
+        env = gym.make(ENV)
+        policy = load_policy("lqr", env)
+        observation, _ = env.reset(seed=seed)
+        state, start, rewards, torques, over = None, np.ones(1, bool), [], [], False
+        while not over:
+            action, state = policy.predict(observation, state, start, deterministic=True)
+            start = np.zeros(1, bool)
+            observation, reward, terminated, truncated, info = env.step(action)
+            rewards.append(reward)
+            torques.append(info["torque"])
+            over = terminated or truncated
+        assert result.columns["return"][i] == pytest.approx(sum(rewards), rel=1e-12)
+        effort = np.sqrt(np.mean(np.square(torques)))
+        assert result.columns["effort"][i] == pytest.approx(effort, rel=1e-12)
+
+
+def test_scores_of_a_made_up_episode() -> None:
+    """One is up from step 30 of 100 on, one falls at step 60, one swings through up."""
+    height = np.full((100, 3), -1.0)
+    height[30:, 0] = 0.99
+    height[20:60, 1] = 1.0
+    height[::2, 2] = 1.0
+    alive = np.ones((100, 3), bool)
+    alive[60:, 1] = False
+    played = Trajectories(
+        control_dt=0.01,
+        alive=alive,
+        rewards=np.ones((100, 3)),
+        actions=np.zeros((100, 3, 1), np.float32),
+        metrics={
+            "tip_height": height,
+            "torque": np.full((100, 3), 0.02),
+            "upright_error": np.full((100, 3), 0.1),
+        },
+        terminated=np.array([False, True, False]),
+    )
+    scores = score(played)
+    assert scores["return"].tolist() == [100.0, 60.0, 100.0]
+    # Mean height over the last second, which is the whole episode here, decides.
+    assert scores["upright"].tolist() == [0.0, 0.0, 0.0]
+    assert scores["length"] == pytest.approx([1.0, 0.6, 1.0])
+    assert scores["effort"] == pytest.approx([0.02, 0.02, 0.02])
+
+    longer = {
+        key: np.concatenate([value, value[-1:].repeat(100, 0)])
+        for key, value in played.metrics.items()
+    }
+    stood = Trajectories(
+        control_dt=0.01,
+        alive=np.concatenate([alive, alive[-1:].repeat(100, 0)]),
+        rewards=np.ones((200, 3)),
+        actions=np.zeros((200, 3, 1), np.float32),
+        metrics=longer,
+        terminated=played.terminated,
+    )
+    scores = score(stood)
+    assert scores["upright"].tolist() == [1.0, 0.0, 0.0]
+    assert scores["time_to_upright"][0] == pytest.approx(0.30)
+    assert np.isnan(scores["time_to_upright"][1:]).all()
+    assert scores["sway"][0] == pytest.approx(0.1)
+
+
+def test_a_stacked_policy_sees_the_past_of_its_own_episode_only() -> None:
+    class Last:
+        def predict(self, observation, state=None, episode_start=None, deterministic=False):
+            seen.append(observation.copy())
+            return np.zeros((len(observation), 1)), None
+
+    seen: list[np.ndarray] = []
+    policy = Stacked(Last(), 3)
+    _, state = policy.predict(np.array([[1.0], [10.0]]), None, np.array([True, True]))
+    _, state = policy.predict(np.array([[2.0], [20.0]]), state, np.array([False, False]))
+    policy.predict(np.array([[3.0], [30.0]]), state, np.array([False, True]))
+    assert seen[0].tolist() == [[0, 0, 1], [0, 0, 10]]
+    assert seen[1].tolist() == [[0, 1, 2], [0, 10, 20]]
+    assert seen[2].tolist() == [[1, 2, 3], [0, 0, 30]]
+
+
+def test_compare_trains_and_leaves_everything_in_the_run_folder(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["compare", *SMALL, "--seeds", "4", "--name", "small"]) == 0
+    table = capsys.readouterr().out
+    assert "PPO" in table and "LQR" in table
+    folder = Path("runs/small")
+    files = {path.name for path in folder.iterdir()}
+    assert files == {
+        "animation.gif",
+        "episode.csv",
+        "episode.png",
+        "learning_curve.csv",
+        "learning_curve.png",
+        "policy.zip",
+        "report.html",
+        "run.json",
+        "scores.csv",
+        "scores.png",
+    }
+    page = (folder / "report.html").read_text()
+    # Self-contained: nothing is fetched from anywhere.
+    assert page.count("data:image/") == 4
+    assert "://" not in page
+    assert "Ctrl-C" not in page
+    with (folder / "scores.csv").open() as stream:
+        scores = list(csv.DictReader(stream))
+    assert [row["policy"] for row in scores] == ["PPO"] * 4 + ["LQR"] * 4
+    with (folder / "learning_curve.csv").open() as stream:
+        curve = list(csv.DictReader(stream))
+    assert float(curve[0]["steps"]) == 0
+    assert float(curve[-1]["steps"]) == 512
+
+    # The saved policy is the one of the table.
+    assert main(["evaluate", str(folder), "--seeds", "4", "--name", "again"]) == 0
+    with Path("runs/again/scores.csv").open() as stream:
+        again = list(csv.DictReader(stream))
+    assert [row["return"] for row in again] == [row["return"] for row in scores[:4]]
+    assert read_card(folder / "policy.zip")["env"] == ENV
+
+
+def test_a_policy_for_other_observations_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["train", *SMALL, "--name", "full"]) == 0
+    code = main(["evaluate", "runs/full", "--env", "rodgym/PendulumSwingUpBase-v0"])
+    assert code == 2
+    assert "was trained in rodgym/PendulumSwingUp-v0 and sees 18 numbers" in capsys.readouterr().err
+
+
+def test_the_same_seed_trains_the_same_agent() -> None:
+    for name in ("one", "two"):
+        assert main(["train", *SMALL, "--seed", "4", "--name", name]) == 0
+    curves = [Path(f"runs/{name}/learning_curve.csv").read_text() for name in ("one", "two")]
+    tables = [list(csv.DictReader(curve.splitlines())) for curve in curves]
+    # All but the wall time.
+    for row in [*tables[0], *tables[1]]:
+        del row["seconds"]
+    assert tables[0] == tables[1]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGINT for one child process")
+def test_ctrl_c_keeps_what_was_learnt() -> None:
+    command = [sys.executable, "-m", "rodgym", "train", "--steps", "100000000", "--name", "long"]
+    running = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    assert running.stderr is not None
+    try:
+        # The first validation has been said: the training is under way.
+        first = running.stderr.readline()
+        assert "training PPO" in first
+        time.sleep(1.0)
+        running.send_signal(signal.SIGINT)
+        out, _ = running.communicate(timeout=60)
+    finally:
+        running.kill()
+    assert running.returncode == 0
+    assert "interrupted after" in out
+    result = rodgym.evaluation.evaluate("runs/long", ENV, range(2))
+    assert np.isfinite(result.columns["return"]).all()

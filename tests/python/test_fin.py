@@ -1,0 +1,84 @@
+"""Promises of the bare fin, of the gaits and of chapter 3 anew."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+import pytest
+import rodgym
+from rodgym.baselines import Gait
+from rodgym.errors import ParameterError, ShapeError
+
+THRUST = "rodgym/FinThrust-v0"
+TABLE = Path(__file__).parents[1] / "data" / "fin" / "flex_grid_ilm.csv"
+
+
+def test_n_steps_are_n_times_one_step():
+    once, often = rodgym.sim.Fin(), rodgym.sim.Fin()
+    once.step(0.01, n=20)
+    for _ in range(20):
+        often.step(0.01)
+    assert np.array_equal(once.positions, often.positions)
+    assert once.loads == often.loads and once.time == often.time
+
+
+def test_forces_in_a_flow_are_those_of_relative_velocity():
+    rng = np.random.default_rng(0)
+    x = rodgym.sim.Fin().positions + rng.normal(0.0, 2e-3, (8, 2))
+    v = rng.normal(0.0, 0.2, (8, 2))
+    flow = rodgym.sim.Fin(flow_speed=0.25).forces(x, v)
+    still = rodgym.sim.Fin(flow_speed=0.0).forces(x, v - [0.25, 0.0])
+    for name, value in flow.items():
+        assert np.array_equal(value, still[name]), name
+    assert np.abs(flow["elastic"].sum(axis=0)).max() < 1e-9 * np.abs(flow["elastic"]).max()
+
+
+def test_the_fin_of_an_environment_is_where_the_environment_is():
+    env = gym.make(THRUST).unwrapped
+    env.reset(seed=1)
+    for _ in range(5):
+        env.step(np.ones(1, np.float32))
+    fin = env.fin
+    assert np.array_equal(fin.positions, env.positions)
+    assert fin.parameters == env.parameters
+    fin.step(fin.loads["pitch"], n=10)
+    assert not np.array_equal(fin.positions, env.positions)
+
+
+def test_bad_arguments_are_named():
+    with pytest.raises(ParameterError, match="hydrodynamics"):
+        rodgym.sim.Fin(hydrodynamics="wind")
+    with pytest.raises(ShapeError):
+        rodgym.sim.Fin().set_state(np.zeros((3, 2)))
+    with pytest.raises(ParameterError, match="stiffness_profile"):
+        gym.make(THRUST, stiffness_profile=[1.0] * 7 + [-1.0])
+
+
+def test_gaits_play_the_environment_they_were_found_in():
+    env = gym.make(THRUST, youngs_modulus=2.5e5)
+    gait = Gait.for_env(env, "sine")
+    assert 2.0 < gait.parameters["frequency"] < 4.0
+    observation, _ = env.reset(seed=3)
+    state, total, start = None, 0.0, np.ones(1, dtype=bool)
+    for _ in range(200):
+        action, state = gait.predict(observation, state, start)
+        start = np.zeros(1, dtype=bool)
+        observation, reward, *_ = env.step(action)
+        total += float(reward)
+    assert total == pytest.approx(gait.parameters["found_return"], rel=0.1)
+    with pytest.raises(ParameterError, match="waveform"):
+        Gait.for_env(env, "sawtooth")
+
+
+def test_chapter_3_grid_is_the_references_grid():
+    from rodgym.reproduction.fin_runs import period
+
+    with TABLE.open(encoding="utf-8") as stream:
+        rows = list(csv.DictReader(line for line in stream if not line.startswith("#")))
+    row = next(r for r in rows if (r["E_Pa"], r["A_deg"], r["f_Hz"]) == ("250000", "10", "1.5"))
+    found = period(10.0, 1.5, youngs_modulus=2.5e5)
+    assert found.mean_thrust == pytest.approx(float(row["T_x_N"]), rel=5e-3)
+    assert found.efficiency == pytest.approx(float(row["eff_x"]), rel=5e-3)

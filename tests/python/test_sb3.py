@@ -1,0 +1,142 @@
+"""Promise: the native `VecEnv` returns what `DummyVecEnv` over single environments returns."""
+
+from __future__ import annotations
+
+import warnings
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from conftest import BALANCE, RANDOM, SWING_UP, actions_for, assert_same
+
+sb3 = pytest.importorskip("stable_baselines3")
+
+from rodgym.sb3 import RodVecEnv, make_vec_env  # noqa: E402
+from stable_baselines3.common.monitor import Monitor  # noqa: E402
+from stable_baselines3.common.vec_env import (  # noqa: E402
+    DummyVecEnv,
+    VecEnv,
+    VecMonitor,
+    VecNormalize,
+)
+
+N = 5
+
+
+def pair(env_id: str, steps: int | None, **kwargs) -> tuple[VecEnv, DummyVecEnv]:
+    ours = make_vec_env(env_id, N, monitor=False, max_episode_steps=steps, **kwargs)
+    oracle = DummyVecEnv([lambda: gym.make(env_id, max_episode_steps=steps, **kwargs)] * N)
+    return ours, oracle
+
+
+@pytest.mark.parametrize(
+    ("env_id", "kwargs", "steps"),
+    [(SWING_UP, {}, 19), (SWING_UP, RANDOM, 19), (BALANCE, RANDOM, 80), (BALANCE, {}, None)],
+)
+def test_equals_dummy_vec_env(env_id, kwargs, steps, rng):
+    ours, oracle = pair(env_id, steps, **kwargs)
+    assert ours.observation_space == oracle.observation_space
+    assert ours.action_space == oracle.action_space
+    assert ours.seed(21) == oracle.seed(21)
+    assert_same(ours.reset(), oracle.reset())
+    assert_same(ours.reset_infos, oracle.reset_infos)
+    ends = 0
+    for t, action in enumerate(actions_for(rng, 150, N)):
+        got = ours.step(action)
+        assert_same(got, oracle.step(action), f"step {t}")
+        assert_same(ours.reset_infos, oracle.reset_infos)
+        ends += int(got[2].sum())
+    assert ends > N
+    assert_same(ours.reset(), oracle.reset())
+
+
+def test_time_limit_and_fall_are_told_apart():
+    env = make_vec_env(BALANCE, 2, max_episode_steps=5, monitor=False)
+    env.seed(0)
+    env.reset()
+    for _ in range(5):
+        _, _, dones, infos = env.step(np.zeros((2, 1)))
+    assert dones.all() and all(info["TimeLimit.truncated"] for info in infos)
+    env = make_vec_env(BALANCE, 2, monitor=False)
+    env.seed(0)
+    env.reset()
+    for _ in range(1000):
+        _, _, dones, infos = env.step(np.ones((2, 1)))
+        if dones.any():
+            break
+    ended = infos[int(np.argmax(dones))]
+    assert dones.any() and ended["TimeLimit.truncated"] is False
+    assert ended["terminal_observation"].shape == env.observation_space.shape
+
+
+def test_options_are_used_once():
+    ours, oracle = pair(SWING_UP, None)
+    options = [{"parameters": {"width": 0.0075 + 1e-4 * (i % 2)}} for i in range(N)]
+    options[3] = {}
+    for env in (ours, oracle):
+        env.seed(4)
+        env.set_options(options)
+    assert_same(ours.reset(), oracle.reset())
+    assert_same(ours.reset_infos, oracle.reset_infos)
+    assert [info["parameters"]["width"] for info in ours.reset_infos[:4]] == [
+        0.0075,
+        0.0076,
+        0.0075,
+        0.007,
+    ]
+    assert_same(ours.reset(), oracle.reset())
+    for env in (ours, oracle):
+        env.set_options({"parameters": {"width": 0.0081}})
+    assert_same(ours.reset(), oracle.reset())
+    assert {info["parameters"]["width"] for info in ours.reset_infos} == {0.0081}
+
+
+def test_attributes_and_methods_reach_each_environment():
+    env = make_vec_env(SWING_UP, 3, seed=0)
+    env.reset()
+    states = env.env_method("get_state")
+    assert len(set(states)) == 3 and all(isinstance(state, bytes) for state in states)
+    env.step(np.ones((3, 1)))
+    env.env_method("set_state", states[1], indices=[0, 2])
+    assert env.env_method("get_state", indices=[0, 2]) == [states[1]] * 2
+    assert [w["width"] for w in env.get_attr("parameters", indices=1)] == [0.007]
+    env.set_attr("level", 3, indices=[1])
+    assert env.get_attr("level", indices=[1]) == [3]
+    assert env.has_attr("positions") and not env.has_attr("wings")
+    assert env.env_is_wrapped(Monitor) == [False] * 3
+    assert env.get_attr("render_mode") == [None] * 3
+    with pytest.raises(AttributeError, match="wings"):
+        env.get_attr("wings")
+
+
+def test_monitor_counts_returns(tmp_path):
+    env = make_vec_env(SWING_UP, 2, seed=0, monitor_dir=str(tmp_path / "run"), max_episode_steps=7)
+    assert isinstance(env, VecMonitor) and isinstance(env.unwrapped, RodVecEnv)
+    env.reset()
+    total = np.zeros(2)
+    for _ in range(7):
+        _, rewards, _, infos = env.step(np.zeros((2, 1)))
+        total += rewards
+    assert [info["episode"]["l"] for info in infos] == [7, 7]
+    assert [info["episode"]["r"] for info in infos] == pytest.approx(total, abs=1e-4)
+    env.close()
+
+
+def test_learning_and_prediction_run_without_a_warning():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        env = VecNormalize(make_vec_env(SWING_UP, 4, seed=0, max_episode_steps=16))
+        model = sb3.PPO("MlpPolicy", env, n_steps=32, batch_size=64, n_epochs=1, device="cpu")
+        model.learn(256)
+        assert len(model.ep_info_buffer) == 8 * 2
+        action, _ = model.predict(env.reset(), deterministic=True)
+        assert action.shape == (4, 1)
+
+
+def test_pictures():
+    env = make_vec_env(SWING_UP, 3, seed=0, render_mode="rgb_array", render_size=(64, 48))
+    env.reset()
+    images = env.get_images()
+    assert [image.shape for image in images] == [(48, 64, 3)] * 3
+    assert env.render().shape == (96, 128, 3)
+    assert make_vec_env(SWING_UP, 2, monitor=False).get_images() == [None, None]

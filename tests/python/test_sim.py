@@ -1,0 +1,145 @@
+"""Promise: `rodgym.sim.Pendulum` is the environments' plant and hits the reference numbers."""
+
+from __future__ import annotations
+
+import copy
+
+import gymnasium as gym
+import numpy as np
+import pytest
+import rodgym
+from conftest import RANDOM, SWING_UP
+from rodgym import errors
+from rodgym.sim import Pendulum
+
+HORIZONTAL = [np.pi / 2] * 6
+
+
+def test_free_swing_from_horizontal_ends_where_the_reference_ends():
+    rod = Pendulum(bending_damping=0.0)
+    rod.set_angles(HORIZONTAL)
+    assert rod.energy()["total"] == pytest.approx(0.0, abs=1e-12)
+    rod.step(0.0, n=5000)
+    assert rod.time == pytest.approx(1.0)
+    # Independent converged run; Verlet at 2e-4 s is within 0.01 mm of it.
+    assert rod.positions[-1] == pytest.approx([0.298143, -0.033309], abs=1e-5)
+    energy = rod.energy()
+    parts = sum(energy[kind] for kind in ("kinetic", "stretch", "bend", "gravity"))
+    assert energy["total"] == pytest.approx(parts)
+
+
+def test_backward_euler_loses_the_energy_that_it_is_known_to_lose():
+    rod = Pendulum(bending_damping=0.0, stepper="backward_euler", physics_dt=1e-4)
+    rod.set_angles(HORIZONTAL)
+    before = rod.energy()["total"]
+    rod.step(n=10_000)
+    assert rod.energy()["total"] - before == pytest.approx(-3.67e-4, rel=0.01)
+
+
+def test_many_steps_are_one_step_many_times():
+    one, many = Pendulum(), Pendulum()
+    for _ in range(100):
+        one.step(0.03)
+    many.step(0.03, n=100)
+    assert np.array_equal(one.positions, many.positions)
+    assert np.array_equal(one.velocities, many.velocities)
+    assert one.time == many.time == pytest.approx(0.02)
+
+
+def test_poles_about_upright():
+    rod = Pendulum(bending_damping=0.0)
+    rod.set_angles([np.pi] * 6)
+    # Let it find its equilibrium length; upright it is shorter by its own weight.
+    positions = rod.positions
+    mass = 1500.0 * 0.007**2 * 0.05
+    above = np.array([mass * (5.5 - k) for k in range(6)]) * 9.81
+    lengths = 0.05 * (1.0 - above / 490.0)
+    positions[1:, 1] = np.cumsum(lengths)
+    rod.set_state(positions)
+    a, b, c = rod.linearize()
+    assert (a.shape, b.shape, c.shape) == ((24, 24), (24, 1), (12, 24))
+    poles = np.linalg.eigvals(a)
+    real = np.sort(poles[np.abs(poles.imag) < 1e-6].real)
+    # The reference is the inextensible rod; stretching shifts the pole by 1.2e-4 of it.
+    assert real == pytest.approx([-7.0201, 7.0201], rel=1e-3)
+
+
+def test_a_copy_goes_its_own_way():
+    rod = Pendulum()
+    rod.set_angles(HORIZONTAL)
+    rod.step(n=37)
+    twin = copy.deepcopy(rod)
+    assert twin.time == rod.time
+    rod.step(n=50)
+    assert not np.array_equal(twin.positions, rod.positions)
+    twin.step(n=50)
+    assert np.array_equal(twin.positions, rod.positions)
+
+
+def test_an_environment_shows_its_rod():
+    env = gym.make(SWING_UP, nodes=9, **RANDOM).unwrapped
+    env.reset(seed=3)
+    for _ in range(20):
+        env.step([0.7])
+    rod = env.rod
+    assert isinstance(rod, Pendulum)
+    assert np.array_equal(rod.positions, env.positions)
+    assert np.array_equal(rod.velocities, env.velocities)
+    assert rod.config["nodes"] == 9 and rod.physics_dt == env.physics_dt
+    width = env.parameters["width"]
+    assert rod.parameters["width"] == width and 0.006 <= width <= 0.009
+    before = env.get_state()
+    rod.step(0.05, n=10)
+    assert env.get_state() == before
+    batch = gym.make_vec(SWING_UP, num_envs=2)
+    batch.reset(seed=0)
+    assert np.array_equal(batch.members[1].rod.positions, batch.get_attr("positions")[1])
+
+
+def test_rod_moves_as_in_the_environment():
+    env = gym.make(SWING_UP).unwrapped
+    env.reset(seed=0)
+    rod = env.rod
+    env.step([0.8])
+    rod.step(0.8 * 0.05, n=round(env.control_dt / env.physics_dt))
+    assert rod.positions == pytest.approx(env.positions, abs=1e-8)
+
+
+def test_thesis_feedback_catches_the_rod_from_near_up():
+    gain = [41.9915, -6.4612, 13.5714, 8.5106, 0.8539, 2.2641]
+    gain += [2.2083, 2.0638, 1.6190, 1.3820, 0.8615, 0.3368]
+    rod = Pendulum(thesis=True)
+    rod.set_angles([np.pi - 0.1] * 6)
+    rod.step_feedback(0.0, [-k for k in gain], n=20_000)
+    assert np.abs(np.abs(rod.angles) - np.pi).max() < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "named"),
+    [
+        (lambda rod: Pendulum(widht=1.0), errors.ParameterError, "widht"),
+        (lambda rod: Pendulum(torque_limit=0.05), errors.ParameterError, "torque_limit"),
+        (lambda rod: rod.step(float("nan")), errors.ParameterError, "torque"),
+        (lambda rod: rod.step(0.0, n=-1), errors.ParameterError, "n = -1"),
+        (lambda rod: rod.step(0.0, n=1.5), errors.ParameterError, "n = 1.5"),
+        (lambda rod: rod.set_angles([0.0] * 5), errors.ShapeError, "angles"),
+        (lambda rod: rod.set_angles([float("inf")] * 6), errors.ParameterError, "angles"),
+        (lambda rod: rod.set_state(np.zeros((6, 2))), errors.ShapeError, "positions"),
+        (lambda rod: rod.set_state(np.zeros((7, 3))), errors.ShapeError, "positions"),
+        (lambda rod: rod.set_state(np.zeros((7, 2))), errors.ParameterError, "positions"),
+        (lambda rod: rod.set_state("here"), errors.ShapeError, "positions"),
+        (lambda rod: rod.step_feedback(0.0, [0.0] * 12), errors.ParameterError, "stepper"),
+        (lambda rod: rod.step_feedback(0.0, [0.0] * 3), errors.ShapeError, "gain"),
+    ],
+)
+def test_bad_arguments_change_nothing(call, error, named):
+    rod = Pendulum()
+    rod.set_angles(HORIZONTAL)
+    rod.step(n=3)
+    before = rod.positions, rod.velocities, rod.time
+    with pytest.raises(error, match=named) as caught:
+        call(rod)
+    assert isinstance(caught.value, (rodgym.RodgymError, ValueError))
+    assert np.array_equal(rod.positions, before[0])
+    assert np.array_equal(rod.velocities, before[1])
+    assert rod.time == before[2]

@@ -1,0 +1,147 @@
+"""A study's table is the same bytes whatever was interrupted and wherever its cases ran."""
+
+import csv
+import itertools
+
+import pytest
+
+pytest.importorskip("yaml")
+
+from rodgym.study import StudyError, local, plans, read, run_case, run_study
+from rodgym.study.plot import draw
+from rodgym.study.spec import parse
+
+CONTENT = {
+    "env": "rodgym/PendulumSwingUp-v0",
+    "seeds": 2,
+    "fixed": {"start.rate": 1.0},
+    "sweep": {
+        "policy": ["lqr", "zero"],
+        "env.width": [0.007, 0.009],
+        "start.angle": {"from": 0.0, "to": 3.0, "steps": 2},
+    },
+    "plot": {"x": "start.angle", "y": "env.width", "value": "upright", "panel": "policy"},
+}
+
+
+@pytest.fixture(scope="module")
+def study():
+    return parse(CONTENT, "test")
+
+
+@pytest.fixture(scope="module")
+def finished(study, tmp_path_factory):
+    table = tmp_path_factory.mktemp("study") / "table.csv"
+    run_study(study, table)
+    return table.read_bytes()
+
+
+def test_every_combination_is_a_case(study):
+    cases = list(study.cases())
+    assert len(cases) == len(study) == 8
+    combinations = {(c["policy"], c["env.width"], c["start.angle"]) for c in cases}
+    assert combinations == set(itertools.product(["lqr", "zero"], [0.007, 0.009], [0.0, 3.0]))
+    assert all(c["start.rate"] == 1.0 and c["seeds"] == 2 for c in cases)
+
+
+def test_rows_tell_controllers_from_idleness(finished):
+    rows = list(csv.DictReader(finished.decode().splitlines()))
+    assert {row["upright"] for row in rows if row["policy"] == "lqr"} == {"1"}
+    assert {row["upright"] for row in rows if row["policy"] == "zero"} == {"0"}
+    # What no episode defines is left empty.
+    assert all((row["time_to_upright"] == "") == (row["upright"] == "0") for row in rows)
+
+
+def test_two_processes_give_the_same_bytes(study, finished, tmp_path):
+    run_study(study, tmp_path / "table.csv", local(workers=2))
+    assert (tmp_path / "table.csv").read_bytes() == finished
+
+
+class Killed(Exception):
+    pass
+
+
+def test_a_killed_study_goes_on_where_it_stopped(study, finished, tmp_path):
+    table, ran = tmp_path / "table.csv", []
+
+    def mortal(cases):
+        for number, case in cases:
+            if len(ran) == 3:
+                raise Killed
+            ran.append(number)
+            yield number, run_case(case)
+
+    with pytest.raises(Killed):
+        run_study(study, table, mortal)
+    # A line cut off in its middle counts as not finished.
+    with table.open("a") as stream:
+        stream.write("0123456789abcdef,rodgym/Pend")
+    again = []
+
+    def counting(cases):
+        # Backwards: the order in which cases are finished leaves no trace.
+        for number, case in reversed(cases):
+            again.append(number)
+            yield number, run_case(case)
+
+    run_study(study, table, counting)
+    assert sorted(ran + again) == list(range(8))
+    assert table.read_bytes() == finished
+    run_study(study, table, counting)
+    assert len(again) == 5
+
+
+def test_a_table_of_another_study_is_refused_and_kept(study, finished, tmp_path):
+    table = tmp_path / "table.csv"
+    table.write_bytes(finished)
+    other = parse({**CONTENT, "seeds": 3}, "other")
+    with pytest.raises(StudyError, match="another study"):
+        run_study(other, table)
+    assert table.read_bytes() == finished
+    table.write_text("a,b\n1,2\n")
+    with pytest.raises(StudyError, match="not the table of a study"):
+        run_study(study, table)
+
+
+def test_a_wrong_belief_is_the_controllers_alone():
+    case = {"env": CONTENT["env"], "seeds": 1, "policy": "lqr", "env.width": 0.007}
+    right, same = run_case(case), run_case({**case, "design.width": 0.007})
+    wrong = run_case({**case, "design.width": 0.0075})
+    assert right == same
+    assert wrong["return"] != right["return"]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"sweeep": {}}, "has no 'sweeep'"),
+        ({"seeds": 0}, "seeds = 0"),
+        ({"sweep": {"width": [1]}}, "'width' is no key of a case"),
+        ({"sweep": {"policy": []}}, "is empty"),
+        ({"sweep": {"policy": ["lqr"], "start.rate": [0]}}, "both fixed and swept"),
+        ({"sweep": {"env.width": [0.007]}}, "names no policy"),
+        ({"sweep": {"policy": "lqr", "env.width": {"from": 0, "to": 1}}}, "from, to and steps"),
+    ],
+)
+def test_what_is_no_study_is_refused(change, message):
+    with pytest.raises(StudyError, match=message):
+        parse({**CONTENT, **change}, "bad")
+
+
+def test_our_plans_can_be_read(tmp_path):
+    assert {"attraction", "width", "stiffness", "damping", "delay"} <= plans().keys()
+    assert all(len(read(name)) > 1 for name in plans())
+    with pytest.raises(StudyError, match="ours are"):
+        read(tmp_path / "missing.yml")
+
+
+def test_a_map_and_lines_are_drawn(study, finished, tmp_path):
+    pytest.importorskip("matplotlib")
+    rows = list(csv.DictReader(finished.decode().splitlines()))
+    draw(study, rows, tmp_path / "map.png")
+    plot = {"x": "env.width", "value": "return", "line": "policy"}
+    draw(parse({**CONTENT, "plot": plot}, "lines"), rows[::2], tmp_path / "lines.png")
+    for name in ("map.png", "lines.png"):
+        assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
+    with pytest.raises(StudyError, match="'nothing' is no column"):
+        draw(parse({**CONTENT, "plot": {**plot, "x": "nothing"}}, "bad"), rows, tmp_path / "x.png")

@@ -1,0 +1,50 @@
+"""The recipes and the trained policies that come with rodgym."""
+
+from pathlib import Path
+
+import pytest
+import rodgym
+from rodgym.evaluation import evaluate
+from rodgym.evaluation.policies import read_card
+from rodgym.training.recipe import ZOO, RecipeError, load_recipe, zoo_policy
+
+POLICIES = sorted(ZOO.glob("*.zip"))
+PENDULUMS = [name for name in rodgym.ENVIRONMENTS if "Pendulum" in name]
+
+
+@pytest.mark.parametrize("path", POLICIES, ids=lambda path: path.stem)
+def test_a_trained_policy_does_its_task_on_seeds_that_chose_nothing(path: Path) -> None:
+    env_id = read_card(path)["env"]
+    assert zoo_policy(env_id) == path
+    result = evaluate("zoo", env_id, seeds=range(200, 240))
+    if "upright" in result.columns:
+        assert result.mean("upright") >= 0.9
+
+
+@pytest.mark.parametrize("env_id", PENDULUMS)
+def test_every_pendulum_has_a_recipe(env_id: str) -> None:
+    recipe = load_recipe(env_id)
+    assert recipe.algorithm == "PPO"
+    # A batch that does not divide the rollout would leave a rest that is learnt from less.
+    rollout = recipe.n_envs * recipe.hyperparams["n_steps"]
+    assert rollout % recipe.hyperparams["batch_size"] == 0
+
+
+def test_a_linear_schedule_falls_to_zero() -> None:
+    recipe = load_recipe(PENDULUMS[0]).with_changes({"learning_rate": "lin_0.002"})
+    rate = recipe.keywords()["learning_rate"]
+    assert [rate(1.0), rate(0.5), rate(0.0)] == [0.002, 0.001, 0.0]
+
+
+def test_changes_reach_their_place_and_leave_the_original() -> None:
+    recipe = load_recipe(PENDULUMS[0])
+    changed = recipe.with_changes({"n_envs": 8, "gamma": 0.9})
+    assert (changed.n_envs, changed.hyperparams["gamma"]) == (8, 0.9)
+    assert (recipe.n_envs, recipe.hyperparams["gamma"]) == (64, 0.98)
+
+
+def test_a_file_without_the_entry_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "mine.yml"
+    file.write_text("other/Env-v0: {n_envs: 4}\n")
+    with pytest.raises(RecipeError, match="no entry for rodgym/PendulumSwingUp-v0"):
+        load_recipe("rodgym/PendulumSwingUp-v0", file=file)
