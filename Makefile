@@ -1,0 +1,106 @@
+# `make demo` and `make test` need Rust, Python 3.10 or newer and nothing else: they make .venv themselves.
+SHELL := /bin/bash
+.SHELLFLAGS := -euo pipefail -c
+.DEFAULT_GOAL := help
+
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+EXTRAS := train,render,remote,dev
+# Extra arguments of the program: make demo ARGS="--steps 100000"
+ARGS ?=
+
+export VIRTUAL_ENV := $(CURDIR)/$(VENV)
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+
+# Seconds of each fuzz target, minutes of the soak.
+FUZZ_SECONDS ?= 600
+SOAK_MINUTES ?= 30
+
+.PHONY: help demo test lint lint-rust lint-python test-rust test-python test-oldest extension bench scores clean
+.PHONY: venv set-up
+.PHONY: server test-remote bench-remote soak fuzz
+
+help: ## this list
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+
+demo: extension ## train an agent, compare it with the LQR, write runs/demo/report.html
+	$(BIN)/rodgym demo $(ARGS)
+
+test: lint test-rust test-oldest test-python ## everything that must hold before a change lands
+# One extension for all of it, the one with the server.
+test server: FEATURES := --features server
+
+lint: lint-rust lint-python ## formats, clippy, ruff, mypy
+
+# (The bindings are built for the environment's Python.)
+lint-rust: venv
+	cargo fmt --all --check
+	cargo clippy --workspace --all-targets $(FEATURES) -- -D warnings
+
+lint-python: extension
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+test-rust:
+	cargo test
+
+# Last, so that the last line is pytest's verdict.
+test-python: server
+	RODGYM_NEED_SERVER=1 $(BIN)/python -m pytest
+
+# The oldest Gymnasium that is supported, beside the newest in $(VENV); only what touches it.
+OLDEST := .venv-oldest
+test-oldest: extension $(OLDEST)/.ready
+	PYTHONPATH=py-bindings/python $(OLDEST)/bin/python -m pytest tests/python/test_env.py \
+		tests/python/test_vector.py tests/python/test_errors.py
+
+$(OLDEST)/.ready:
+	$(PYTHON) -m venv $(OLDEST)
+	$(OLDEST)/bin/python -m pip install --quiet gymnasium==1.1.0 numpy pygame pytest
+	touch $@
+
+server: extension ## the extension with the network server: compiles libzmq once
+
+test-remote: server ## the network: faults, keys, other languages' clients
+	RODGYM_NEED_SERVER=1 $(BIN)/python -m pytest tests/python -k remote
+
+bench-remote: server ## the network's speed against an echo and the local batch
+	$(BIN)/python tests/long/remote_bench.py
+
+soak: server ## long: 32 clients for SOAK_MINUTES, memory flat, no step lost or repeated
+	$(BIN)/python tests/long/remote_soak.py --minutes $(SOAK_MINUTES)
+
+fuzz: ## long: FUZZ_SECONDS of each target (needs nightly Rust and cargo-fuzz)
+	$(PYTHON) env-server/fuzz/seed.py
+	cd env-server && for target in header machine; do \
+	  cargo +nightly fuzz run $$target -- -max_total_time=$(FUZZ_SECONDS) -max_len=20000 -rss_limit_mb=2048; \
+	done
+
+bench: extension ## speed beside other simulators (installed ones): refreshes docs/performance/
+	$(BIN)/rodgym bench --runs docs --name performance $(ARGS)
+
+scores: extension ## long: trains on several seeds and writes docs/scores.md
+	$(BIN)/python tests/long/scores.py
+
+extension: venv
+	@$(BIN)/maturin develop --release --quiet $(FEATURES)
+
+# The environment is made once, and again when the project's dependencies change (by their text:
+# in a fresh clone every file is new).
+venv:
+	@cmp -s pyproject.toml $(VENV)/.ready || $(MAKE) --no-print-directory set-up
+
+set-up:
+	@echo "setting up $(VENV) (once; downloads PyTorch) ..."; began=$$SECONDS; \
+	$(PYTHON) -m venv $(VENV); \
+	$(BIN)/python -m pip install --quiet 'maturin>=1.9,<2'; \
+	$(BIN)/maturin develop --release --quiet --extras $(EXTRAS); \
+	cp pyproject.toml $(VENV)/.ready; \
+	echo "set-up took $$((SECONDS - began)) s"
+
+clean: ## removes what was built and the runs, not the virtual environment
+	cargo clean
+	rm -rf runs dist .pytest_cache .mypy_cache .ruff_cache
+	find . -name __pycache__ -not -path './$(VENV)/*' -prune -exec rm -rf {} +
