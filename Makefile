@@ -85,7 +85,7 @@ scores: extension ## long: trains on several seeds and writes docs/scores.md
 	$(BIN)/python tests/long/scores.py
 
 extension: venv
-	@$(BIN)/maturin develop --release --quiet $(FEATURES)
+	@$(BIN)/maturin develop --release --quiet $(FEATURES) > /dev/null
 
 # The environment is made once, and again when the project's dependencies change (by their text:
 # in a fresh clone every file is new).

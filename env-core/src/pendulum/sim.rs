@@ -147,7 +147,7 @@ impl Simulation {
     /// A torque that is not finite; a step that fails in the smallest parts (the state is then the one before it).
     pub fn step(&mut self, torque: f64, n: u64) -> Result<()> {
         if !torque.is_finite() {
-            return Err(Error::parameter("torque", torque, "a finite number \\[N m\\]"));
+            return Err(Error::parameter("torque", torque, "a finite number, in N m"));
         }
         self.advance(&Constant(torque), n)
     }
