@@ -84,8 +84,11 @@ bench: extension ## speed beside other simulators (installed ones): refreshes do
 scores: extension ## long: trains on several seeds and writes docs/scores.md
 	$(BIN)/python tests/long/scores.py
 
+# What the build says is shown when it fails.
 extension: venv
-	@$(BIN)/maturin develop --release --quiet $(FEATURES) > /dev/null
+	@echo "building the extension ..."
+	@$(BIN)/maturin develop --release --quiet $(FEATURES) > $(VENV)/build.log 2>&1 \
+		|| { cat $(VENV)/build.log >&2; exit 1; }
 
 # The environment is made once, and again when the project's dependencies change (by their text:
 # in a fresh clone every file is new).

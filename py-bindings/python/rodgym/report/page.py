@@ -149,7 +149,9 @@ def _how(run: Run, comparison: Comparison) -> str:
     facts = run.facts
     rows = {
         "environment": comparison.env_id,
-        "keywords": json.dumps(dict(comparison.env_kwargs)) if comparison.env_kwargs else "defaults",
+        "keywords": json.dumps(dict(comparison.env_kwargs))
+        if comparison.env_kwargs
+        else "defaults",
         "machine": str(facts["machine"]),
         "versions": ", ".join(f"{k} {v}" for k, v in facts["versions"].items()),
     }
