@@ -2,7 +2,7 @@
 
 use crate::convert::{points, to_map, to_python};
 use crate::errors::{OrRaise, raise};
-use crate::sim::pairs;
+use crate::sim::{in_parts, pairs};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::sync::MutexExt;
@@ -101,7 +101,7 @@ impl FinSimulation {
     fn step(&self, py: Python<'_>, pitch: f64, n: u64) -> PyResult<()> {
         let mut guard = self.lock(py)?;
         let fin = &mut *guard;
-        py.detach(|| fin.step(pitch, n)).or_raise()
+        in_parts(py, n, |part| fin.step(pitch, part))
     }
 
     /// Physics steps that end at the given pitches [rad]; thrust [N], torque [N m], power [W] and y of the

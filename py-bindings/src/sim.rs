@@ -104,14 +104,14 @@ impl PendulumSimulation {
     fn step(&self, py: Python<'_>, torque: f64, n: u64) -> PyResult<()> {
         let mut guard = self.lock(py)?;
         let sim = &mut *guard;
-        py.detach(|| sim.step(torque, n)).or_raise()
+        in_parts(py, n, |part| sim.step(torque, part))
     }
 
     /// `n` physics steps under a linear law of the new state, solved within the implicit step.
     fn step_feedback(&self, py: Python<'_>, constant: f64, gain: Vec<f64>, n: u64) -> PyResult<()> {
         let mut guard = self.lock(py)?;
         let sim = &mut *guard;
-        py.detach(|| sim.step_feedback(constant, &gain, n)).or_raise()
+        in_parts(py, n, |part| sim.step_feedback(constant, &gain, part))
     }
 
     /// Energies by kind [J].
@@ -150,6 +150,28 @@ impl PendulumSimulation {
         self.0.lock_py_attached(py).map_err(|_| {
             raise("RodgymError", "this simulation is not usable: an earlier call ended in a panic")
         })
+    }
+}
+
+/// Physics steps between two looks at Ctrl-C: some milliseconds.
+const PART: u64 = 1000;
+
+/// Takes `n` steps without the GIL, in parts; Ctrl-C ends them after the part in which it came.
+pub fn in_parts(
+    py: Python<'_>,
+    n: u64,
+    mut step: impl FnMut(u64) -> rodgym_core::Result<()> + Send,
+) -> PyResult<()> {
+    let mut left = n;
+    loop {
+        let part = left.min(PART);
+        // (No step at all still refuses a torque that is none.)
+        py.detach(|| step(part)).or_raise()?;
+        left -= part;
+        if left == 0 {
+            return Ok(());
+        }
+        py.check_signals()?;
     }
 }
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import signal
 
 import gymnasium as gym
 import numpy as np
@@ -143,3 +144,19 @@ def test_bad_arguments_change_nothing(call, error, named):
     assert np.array_equal(rod.positions, before[0])
     assert np.array_equal(rod.velocities, before[1])
     assert rod.time == before[2]
+
+
+def test_ctrl_c_ends_a_long_run_and_keeps_what_it_has():
+    rod = Pendulum()
+    before = signal.signal(signal.SIGALRM, signal.default_int_handler)
+    signal.setitimer(signal.ITIMER_REAL, 0.2)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            rod.step(0.01, n=10**12)
+    finally:
+        signal.signal(signal.SIGALRM, before)
+    steps = round(rod.time / rod.physics_dt)
+    twin = Pendulum()
+    twin.step(0.01, n=steps)
+    assert steps > 0
+    assert np.array_equal(rod.positions, twin.positions)

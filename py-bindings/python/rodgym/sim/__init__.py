@@ -1,0 +1,18 @@
+"""The bare machines, for people who want the physics: no motor limit, sensors, task or control
+step.
+
+```python
+>>> import rodgym
+>>> rod = rodgym.sim.Pendulum(width=0.007)
+>>> rod.set_angles([1.57] * 6)
+>>> rod.step(torque=0.0, n=5000)
+>>> round(rod.time, 6)
+1.0
+
+```
+"""
+
+from rodgym.sim.fin import Fin
+from rodgym.sim.pendulum import Linear, Pendulum
+
+__all__ = ["Fin", "Linear", "Pendulum"]

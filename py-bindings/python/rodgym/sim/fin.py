@@ -1,0 +1,107 @@
+"""The bare fin."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy.typing as npt
+
+from rodgym import _native
+from rodgym._machine import Array, Machine
+from rodgym.sim._plant import Plant, count, matrix, vector
+
+
+class Fin(Plant[_native.FinSimulation]):
+    """The flexible fin, pitched by hand: no servo, no task.
+
+    It starts straight and at rest, nose at x = -40 mm, pivot at the origin. x points downstream;
+    thrust is the force of the water along -x.
+
+    Arguments:
+        **fin: keywords of the environments that concern the fin and its water: `youngs_modulus`,
+            `damping`, `bending_damping`, `density`, `flow_speed`, `added_mass_coefficient`,
+            `friction_coefficient`, `drag_coefficient`, `hull_mass`, `hull_drag_area`,
+            `hydrodynamics`, `geometry`, `stiffness_profile`, `stepper`, `physics_dt`, `thesis`; and
+            `free_swimming`, which frees the pivot along x in water at rest.
+
+    Raises:
+        ParameterError: an unknown keyword, or a value outside its range.
+
+    ```python
+    >>> import rodgym
+    >>> fin = rodgym.sim.Fin(youngs_modulus=1e6)
+    >>> fin.step(pitch=0.01, n=10)
+    >>> fin.positions.shape, round(fin.time, 6)
+    ((8, 2), 0.04)
+
+    ```
+    """
+
+    def __init__(self, **fin: Any) -> None:
+        self._native = _native.FinSimulation(fin)
+
+    @classmethod
+    def of(cls, machine: Machine) -> Fin:
+        """The fin of an environment, with this episode's parameters and as it is now.
+
+        The water's momentum follows from the motion; what the second-order stepper remembers of the
+        step before does not come along.
+        """
+        return cls._like(machine, free_swimming="hull_speed" in machine.scene()["values"])
+
+    @property
+    def loads(self) -> dict[str, float]:
+        """Forces and power of the last physics step.
+
+        `pitch` [rad], `thrust`, `shed_thrust`, `resistive_thrust`, `mount_thrust` [N], `torque`
+        [N m], `power` [W].
+        """
+        return self._native.loads
+
+    @property
+    def thrust(self) -> float:
+        """Force of the water along -x in the last physics step [N]."""
+        return self._native.loads["thrust"]
+
+    @property
+    def torque(self) -> float:
+        """Torque of the drive about the pivot in the last physics step [N m]."""
+        return self._native.loads["torque"]
+
+    @property
+    def power(self) -> float:
+        """Power of the drive in the last physics step [W]."""
+        return self._native.loads["power"]
+
+    def step(self, pitch: float, n: int = 1) -> None:
+        """`n` physics steps, each ending at this pitch [rad]; the same bits as n steps of one.
+
+        Raises:
+            SolverError: a step failed in its smallest parts; the state is the one before it.
+        """
+        self._native.step(pitch, count(n))
+
+    def follow(self, pitches: npt.ArrayLike) -> dict[str, Array]:
+        """Physics steps that end at these pitches [rad], one after the other.
+
+        Returns:
+            `thrust` [N], `torque` [N m], `power` [W] and `tail` (y of the last node) [m], one
+            value a step.
+        """
+        trace = self._native.follow(vector("pitches", pitches))
+        return dict(zip(("thrust", "torque", "power", "tail"), trace.T, strict=True))
+
+    def forces(self, positions: npt.ArrayLike, velocities: npt.ArrayLike) -> dict[str, Any]:
+        """Forces in any motion (velocities absolute); the fin itself is not touched.
+
+        Returns:
+            Arrays (nodes, 2): `elastic` = -dE/dx [N], `fluid_momentum` p_f [kg m/s],
+            `fluid_gradient` dT_f/dq [N], `tail_flux` G [N], `resistive` [N]; and `elastic_energy`,
+            `fluid_energy` T_f [J].
+        """
+        x, v = matrix("positions", positions), matrix("velocities", velocities)
+        return self._native.forces(x, v)
+
+    def energy(self) -> dict[str, float]:
+        """Energies [J]: `kinetic`, `stretch`, `bend`, `fluid` (relative to the flow), `total`."""
+        return self._native.energy()
