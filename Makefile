@@ -6,7 +6,7 @@ SHELL := /bin/bash
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
-EXTRAS := train,render,remote,dev
+EXTRAS := train,render,remote,ray,dev
 # Extra arguments of the program: make demo ARGS="--steps 100000"
 ARGS ?=
 
@@ -19,7 +19,7 @@ SOAK_MINUTES ?= 30
 
 .PHONY: help demo test lint lint-rust lint-python test-rust test-python test-oldest extension bench scores clean
 .PHONY: venv set-up
-.PHONY: server test-remote bench-remote soak fuzz
+.PHONY: server test-remote bench-remote soak fuzz ray bench-ray
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -77,6 +77,20 @@ fuzz: ## long: FUZZ_SECONDS of each target (needs nightly Rust and cargo-fuzz)
 	cd env-server && for target in header machine; do \
 	  cargo +nightly fuzz run $$target -- -max_total_time=$(FUZZ_SECONDS) -max_len=20000 -rss_limit_mb=2048; \
 	done
+
+# RLlib has an environment of its own, because it pins Gymnasium.
+RLLIB := .venv-rllib
+ray: server $(RLLIB)/.ready ## long: RLlib and Ray, on clusters that the tests start (makes .venv-rllib)
+	RODGYM_NEED_RAY=1 RODGYM_NEED_SERVER=1 PYTHONPATH=py-bindings/python \
+		$(RLLIB)/bin/python -m pytest tests/python/test_ray.py tests/python/test_rllib.py
+
+$(RLLIB)/.ready:
+	$(PYTHON) -m venv $(RLLIB)
+	$(RLLIB)/bin/python -m pip install --quiet 'ray[rllib]>=2.60,<3' torch pyyaml pyzmq msgpack pytest
+	touch $@
+
+bench-ray: extension ## long: a study on one worker and on two
+	$(BIN)/python tests/long/ray_bench.py
 
 bench: extension ## speed beside other simulators (installed ones): refreshes docs/performance/
 	$(BIN)/rodgym bench --runs docs --name performance $(ARGS)

@@ -111,6 +111,16 @@ def test_a_wrong_belief_is_the_controllers_alone():
     assert wrong["return"] != right["return"]
 
 
+def test_a_seed_names_the_first_episode_of_a_case():
+    case = {"env": CONTENT["env"], "seeds": 2, "policy": "lqr"}
+    both, first, second = (
+        run_case(case | change)["return"]
+        for change in ({"seed": 3}, {"seeds": 1, "seed": 3}, {"seeds": 1, "seed": 4})
+    )
+    assert first != second and both == pytest.approx((first + second) / 2, rel=1e-14)
+    assert run_case(case) == run_case({**case, "seed": 0})
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -120,6 +130,8 @@ def test_a_wrong_belief_is_the_controllers_alone():
         ({"sweep": {"policy": []}}, "is empty"),
         ({"sweep": {"policy": ["lqr"], "start.rate": [0]}}, "both fixed and swept"),
         ({"sweep": {"env.width": [0.007]}}, "names no policy"),
+        ({"sweep": {"policy": [7]}}, "policy = 7"),
+        ({"sweep": {"policy": "lqr", "seed": [0, -1]}}, "seed = -1"),
         ({"sweep": {"policy": "lqr", "env.width": {"from": 0, "to": 1}}}, "from, to and steps"),
     ],
 )
@@ -143,5 +155,9 @@ def test_a_map_and_lines_are_drawn(study, finished, tmp_path):
     draw(parse({**CONTENT, "plot": plot}, "lines"), rows[::2], tmp_path / "lines.png")
     for name in ("map.png", "lines.png"):
         assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
+    # Both widths in one point: their mean, and a band from one to the other.
+    spread = {"x": "start.angle", "value": "return", "line": "policy"}
+    draw(parse({**CONTENT, "plot": spread}, "band"), rows, tmp_path / "band.png")
+    assert (tmp_path / "band.png").read_bytes() != (tmp_path / "lines.png").read_bytes()
     with pytest.raises(StudyError, match="'nothing' is no column"):
         draw(parse({**CONTENT, "plot": {**plot, "x": "nothing"}}, "bad"), rows, tmp_path / "x.png")

@@ -2,7 +2,7 @@
 
 Importing registers the environments, so that `gym.make("rodgym:rodgym/PendulumSwingUp-v0")` works
 alone. Parts that need more than numpy and gymnasium are imported when first used: `rodgym.sb3`,
-`rodgym.baselines`, `rodgym.remote`.
+`rodgym.baselines`, `rodgym.remote`, `rodgym.ray`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from rodgym.errors import RodgymError
 
 __all__ = ["ENVIRONMENTS", "RodgymError", "__version__"]
 
-_SUBMODULES = frozenset({"baselines", "envs", "errors", "remote", "sb3", "sim", "vector"})
+_SUBMODULES = frozenset({"baselines", "envs", "errors", "ray", "remote", "sb3", "sim", "vector"})
 
 register_all()
 

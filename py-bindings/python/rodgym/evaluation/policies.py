@@ -136,12 +136,12 @@ def load_policy(source: str, env: AnyEnv) -> Policy:
     return _load_trained(path, env)
 
 
-def find(source: str, env: AnyEnv) -> Path:
-    """The file of a trained policy: ``zoo``, a path, or a run's folder."""
+def find(source: str, env: AnyEnv | None = None) -> Path:
+    """The file of a trained policy: ``zoo`` (of `env`), a path, or a run's folder."""
     if source == "zoo":
         from rodgym.training.recipe import zoo_policy
 
-        assert env.spec is not None
+        assert env is not None and env.spec is not None
         found = zoo_policy(env.spec.id)
         if found is None:
             raise PolicyError(f"no trained policy for {env.spec.id} comes with rodgym")

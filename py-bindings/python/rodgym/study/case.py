@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 
 from rodgym.evaluation.episodes import play
-from rodgym.evaluation.policies import load_policy
+from rodgym.evaluation.policies import controller_names, find, load_policy
 from rodgym.evaluation.score import score
 from rodgym.study.spec import Case
 
@@ -55,10 +56,20 @@ def run_case(case: Case) -> Row:
             edges = int(env.unwrapped.config["nodes"]) - 1
             angles, rates = ([start.get(key, 0.0)] * edges for key in ("angle", "rate"))
             env = Started(env, {"angles": angles, "rates": rates})
-        columns = score(play(policy, env, range(case["seeds"])))
+        first = case.get("seed", 0)
+        columns = score(play(policy, env, range(first, first + case["seeds"])))
     finally:
         env.close()
     return {name: _mean(values) for name, values in columns.items()}
+
+
+def policy_file(policy: str) -> Path | None:
+    """The file of a trained policy; None for one that every rodgym has.
+
+    Raises:
+        PolicyError: neither a name nor a file.
+    """
+    return None if policy in ("zoo", *controller_names()) else find(policy)
 
 
 def _below(prefix: str, case: Case) -> dict[str, Any]:

@@ -9,26 +9,28 @@ from __future__ import annotations
 
 import csv
 import multiprocessing
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from rodgym.study.case import Row, run_case
+from rodgym.study.case import Row, policy_file, run_case
 from rodgym.study.spec import Case, Study, StudyError, case_id
 
-#: Takes numbered cases and gives back numbered rows, in any order.
-Backend = Callable[[list[tuple[int, Case]]], Iterable[tuple[int, Row]]]
+Rows = Generator[tuple[int, Row], None, None]
+#: Takes numbered cases and gives back numbered rows, each once, in any order.
+Backend = Callable[[list[tuple[int, Case]]], Rows]
 
 
 def local(workers: int = 1) -> Backend:
     """Cases one after the other, or in `workers` processes."""
 
-    def one_by_one(cases: list[tuple[int, Case]]) -> Iterator[tuple[int, Row]]:
+    def one_by_one(cases: list[tuple[int, Case]]) -> Rows:
         for number, case in cases:
             yield number, run_case(case)
 
-    def in_processes(cases: list[tuple[int, Case]]) -> Iterator[tuple[int, Row]]:
+    def in_processes(cases: list[tuple[int, Case]]) -> Rows:
         # Fresh interpreters: a forked one would inherit threads that it does not have.
         context = multiprocessing.get_context("spawn")
         pool = ProcessPoolExecutor(workers, context)
@@ -61,9 +63,11 @@ def run_study(
 
     Raises:
         StudyError: the file holds something else than rows of this study.
+        PolicyError: a policy that is neither a name nor a file.
     """
     cases = list(study.cases())
-    ids = [case_id(case) for case in cases]
+    files = {policy: policy_file(policy) for policy in dict.fromkeys(c["policy"] for c in cases)}
+    ids = [case_id(case, files[case["policy"]]) for case in cases]
     if len(set(ids)) < len(ids):
         raise StudyError("a value is swept twice: two cases are the same")
     done = _read(table, set(ids))
@@ -71,10 +75,13 @@ def run_study(
     if on_row:
         on_row(len(done), len(cases))
     if missing:
-        with table.open("a", newline="", encoding="utf-8") as stream:
+        with (
+            table.open("a", newline="", encoding="utf-8") as stream,
+            closing((backend or local())(missing)) as finished,
+        ):
             writer = csv.writer(stream, lineterminator="\n")
             fresh = stream.tell() == 0
-            for number, scores in (backend or local())(missing):
+            for number, scores in finished:
                 row = {"id": ids[number], **_text(cases[number]), **_text(scores)}
                 if fresh:
                     writer.writerow(row)

@@ -15,7 +15,8 @@ Rows = list[dict[str, str]]
 
 def draw(study: Study, rows: Rows, path: Path) -> None:
     """Draws what the study's `plot` asks for: `value` over `x` and `y` as a map, or over `x` as a
-    line for every `line`; one panel for every `panel`.
+    line for every `line`; one panel for every `panel`. Where a sweep has more keys than the plot,
+    the mean is drawn, and lines get a band from the least value to the greatest.
     """
     asked = dict(study.plot)
     if not {"x", "value"} <= asked.keys():
@@ -67,9 +68,8 @@ def _map(axis: Any, rows: Rows, asked: dict[str, str], limits: tuple[float, floa
     x = sorted({_number(row[asked["x"]]) for row in rows})
     y = sorted({_number(row[asked["y"]]) for row in rows})
     values = np.full((len(y), len(x)), np.nan)
-    for row in rows:
-        at = y.index(_number(row[asked["y"]])), x.index(_number(row[asked["x"]]))
-        values[at] = _number(row[asked["value"]])
+    for (column, line), found in _gathered(rows, asked, ("x", "y")).items():
+        values[y.index(line), x.index(column)] = np.mean(found)
     axis.grid(False)
     # Where no value is defined (a rod that never stood), the ground shows.
     axis.set_facecolor(COLOURS[1])
@@ -77,11 +77,29 @@ def _map(axis: Any, rows: Rows, asked: dict[str, str], limits: tuple[float, floa
     return axis.pcolormesh(x, y, values, shading="nearest", cmap="cividis", vmin=low, vmax=high)
 
 
+def _gathered(
+    rows: Rows, asked: dict[str, str], roles: tuple[str, ...]
+) -> dict[tuple[float, ...], list[float]]:
+    """The defined values at each point of the picture, or one NaN."""
+    points: dict[tuple[float, ...], list[float]] = {}
+    for row in rows:
+        found = points.setdefault(tuple(_number(row[asked[role]]) for role in roles), [])
+        if row[asked["value"]]:
+            found.append(_number(row[asked["value"]]))
+    return {at: found or [float("nan")] for at, found in points.items()}
+
+
 def _lines(axis: Any, rows: Rows, asked: dict[str, str]) -> None:
     for i, line in enumerate(_distinct(rows, asked.get("line"))):
         part = [row for row in rows if line is None or row[asked["line"]] == line]
-        points = sorted((_number(row[asked["x"]]), _number(row[asked["value"]])) for row in part)
-        axis.plot(*zip(*points, strict=True), "o-", color=COLOURS[i % len(COLOURS)], label=line)
+        points = sorted(_gathered(part, asked, ("x",)).items())
+        x = [at for (at,), _ in points]
+        colour = COLOURS[i % len(COLOURS)]
+        axis.plot(x, [np.mean(found) for _, found in points], "o-", color=colour, label=line)
+        if any(len(found) > 1 for _, found in points):
+            low, high = ([end(found) for _, found in points] for end in (min, max))
+            axis.fill_between(x, low, high, color=colour, alpha=0.15, linewidth=0)
+    axis.locator_params(axis="x", nbins=6)
     if "line" in asked:
         axis.legend(title=asked["line"])
     if asked["value"] == "upright":

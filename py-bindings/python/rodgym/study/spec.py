@@ -4,7 +4,7 @@
 
     title: Region of attraction
     env: rodgym/PendulumSwingUp-v0
-    seeds: 1                       # episodes of every case: the seeds 0 .. n-1
+    seeds: 1                       # episodes of every case: n seeds from 0 on, or from `seed` on
     fixed: {env.width: 0.007}      # the same in every case
     sweep:                         # every combination is a case
       policy: [lqr, lqr-hybrid]
@@ -13,7 +13,8 @@
 
 Keys: ``policy`` (a controller's name or a trained policy's file), ``env.<keyword>`` of the
 environment, ``design.<keyword>`` (what a controller believes, where that differs),
-``start.angle`` [rad] and ``start.rate`` [rad/s] of a straight pendulum.
+``start.angle`` [rad] and ``start.rate`` [rad/s] of a straight pendulum, ``seed`` (the first seed of
+the case's episodes: sweep it to have a row for each).
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ MAX_CASES = 1_000_000
 _TOP = ("title", "env", "seeds", "fixed", "sweep", "plot")
 _PLOT = ("x", "y", "value", "panel", "line")
 _STARTS = ("start.angle", "start.rate")
+_PLAIN = ("policy", "seed", *_STARTS)
 
 
 class StudyError(rodgym.RodgymError, ValueError):
@@ -65,10 +67,11 @@ class Study:
         return count
 
 
-def case_id(case: Case) -> str:
-    """A name for a case that depends on its content only."""
+def case_id(case: Case, policy_file: Path | None = None) -> str:
+    """A name for a case that depends on its content only, that of its policy's file included."""
     text = json.dumps(case, sort_keys=True, separators=(",", ":"))
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
+    content = text.encode() + (b"" if policy_file is None else policy_file.read_bytes())
+    return hashlib.sha256(content).hexdigest()[:16]
 
 
 def plans() -> dict[str, Path]:
@@ -109,15 +112,23 @@ def parse(content: Mapping[str, Any], name: str) -> Study:
     fixed = _mapping("fixed", content.get("fixed", {}))
     sweep = {k: _values(k, v) for k, v in _mapping("sweep", content["sweep"]).items()}
     for key in (*fixed, *sweep):
-        if key != "policy" and key not in _STARTS and not key.startswith(("env.", "design.")):
+        if key not in _PLAIN and not key.startswith(("env.", "design.")):
             raise StudyError(
-                f"{key!r} is no key of a case: there are policy, env.<keyword>, design.<keyword>, "
-                + " and ".join(_STARTS)
+                f"{key!r} is no key of a case: there are env.<keyword>, design.<keyword>, "
+                + ", ".join(_PLAIN)
             )
     if both := sorted(set(fixed) & set(sweep)):
         raise StudyError(f"{both[0]!r} is both fixed and swept")
     if "policy" not in (*fixed, *sweep):
         raise StudyError("the study names no policy, neither fixed nor swept")
+    for seed in (*sweep.get("seed", ()), fixed.get("seed", 0)):
+        if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0:
+            raise StudyError(
+                f"seed = {seed!r} is not allowed: it must be a whole number, 0 or more"
+            )
+    for policy in (*sweep.get("policy", ()), fixed.get("policy", "")):
+        if not isinstance(policy, str):
+            raise StudyError(f"policy = {policy!r} is not allowed: it must be a name or a file")
     plot = _mapping("plot", content.get("plot", {}))
     _only("plot", plot, _PLOT)
     title = str(content.get("title", name))

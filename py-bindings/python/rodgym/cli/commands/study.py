@@ -14,6 +14,8 @@ SUMMARY = "run a sweep of policies, parameters or start states"
 EXAMPLES = """
 rodgym study attraction
 rodgym study my_sweep.yml --workers 2 --name sweep
+rodgym study my_sweep.yml --ray local
+rodgym study my_sweep.yml --ray ray://head:10001
 """
 
 
@@ -22,7 +24,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
     parser.add_argument("study", help=f"a YAML file, or one of {', '.join(plans())}")
     parser.add_argument(
-        "--workers", type=positive, default=1, metavar="N", help="processes (default 1)"
+        "--workers",
+        type=positive,
+        default=None,
+        metavar="N",
+        help="cases at a time (default 1; with --ray: the cluster's CPUs)",
+    )
+    parser.add_argument(
+        "--ray",
+        default=None,
+        metavar="ADDRESS",
+        help="run on a Ray cluster: local starts one here, auto, HOST:6379 or ray://HOST:10001 "
+        "join one (docs/ray.md)",
     )
     parser.add_argument("--name", default=None, help="name of the run (default: study-NAME)")
     parser.add_argument(
@@ -34,16 +47,30 @@ def run(args: argparse.Namespace) -> int:
     from pathlib import Path
 
     from rodgym.runs import Run
-    from rodgym.study import local, read, run_study
+    from rodgym.study import Backend, local, read, run_study
     from rodgym.training.progress import Bar
 
+    backend: Backend
+    if args.ray is None:
+        backend = local(args.workers or 1)
+    else:
+        import rodgym.ray
+
+        backend = rodgym.ray.backend(args.ray, args.workers)
     study = read(args.study)
     folder = Run(args.name or f"study-{Path(args.study).stem}", args.runs)
     folder.facts |= {"study": study.title, "env": study.env, "cases": len(study)}
     folder.write_facts()
     table = folder.file("table.csv")
     with Bar("study", len(study)) as bar:
-        rows = run_study(study, table, local(args.workers), lambda done, _: bar.at(done))
+
+        def on_row(done: int, cases: int) -> None:
+            bar.at(done)
+            # Ten lines where there is no terminal to draw a bar in.
+            if done * 10 // cases != (done - 1) * 10 // cases:
+                bar.say(f"{done} of {cases} cases")
+
+        rows = run_study(study, table, backend, on_row)
     print(f"{len(rows)} cases: {table}")
     if study.plot:
         from rodgym.study.plot import draw
