@@ -96,6 +96,6 @@ def worker_cpus() -> int | None:
     if not ray.is_initialized():
         return None
     context = ray.get_runtime_context()
-    if context.get_task_id() is None and context.get_actor_id() is None:
+    if context.worker.mode != ray.WORKER_MODE:
         return None
     return max(1, int(context.get_assigned_resources().get("CPU", 1)))
