@@ -45,13 +45,22 @@ def running_cases() -> dict[int, str]:
     return {pid: name for pid, name in processes().items() if name.startswith(f"ray::{TASK}")}
 
 
-def processes() -> dict[int, str]:
-    """All processes of this user with their command lines."""
+def processes(parent: int | None = None) -> dict[int, str]:
+    """The processes below this one, or below `parent`, with their command lines."""
     import psutil
 
     found = {}
-    for process in psutil.process_iter():
+    for process in psutil.Process(parent).children(recursive=True):
         with contextlib.suppress(psutil.Error):
             if process.status() != psutil.STATUS_ZOMBIE:
                 found[process.pid] = " ".join(process.cmdline())
     return found
+
+
+def alive(pid: int) -> bool:
+    """Whether a process runs, whoever its parent is by now."""
+    import psutil
+
+    with contextlib.suppress(psutil.Error):
+        return psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
+    return False

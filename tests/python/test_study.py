@@ -2,6 +2,7 @@
 
 import csv
 import itertools
+from pathlib import Path
 
 import pytest
 
@@ -145,6 +146,12 @@ def test_our_plans_can_be_read(tmp_path):
     assert all(len(read(name)) > 1 for name in plans())
     with pytest.raises(StudyError, match="ours are"):
         read(tmp_path / "missing.yml")
+
+
+def test_the_study_in_the_documentation_can_be_read(tmp_path):
+    page = (Path(__file__).parents[2] / "docs" / "ray.md").read_text(encoding="utf-8")
+    (tmp_path / "sweep.yml").write_text(page.split("```yaml\n")[1].split("```")[0])
+    assert len(read(tmp_path / "sweep.yml")) == 5 * 7 * 3 * 3
 
 
 def test_a_map_and_lines_are_drawn(study, finished, tmp_path):

@@ -57,16 +57,22 @@ def _rows(
     }
     waiting = iter(cases)
     running: dict[Any, tuple[int, Case]] = {}
-    while True:
-        # A few more than fit, so that no worker waits for us and a cluster that can grow does.
-        limit = workers or 2 * max(1, int(ray.cluster_resources().get("CPU", 1)))
-        for number, case in islice(waiting, max(0, limit - len(running))):
-            running[task.remote(case, contents[case["policy"]], rodgym.__version__)] = number, case
-        if not running:
-            return
-        (reference,), _ = ray.wait(list(running))
-        number, case = running.pop(reference)
-        yield number, _result(reference, case)
+    try:
+        while True:
+            # A few more than fit, so that no worker waits for us and a cluster that can grow does.
+            limit = workers or 2 * max(1, int(ray.cluster_resources().get("CPU", 1)))
+            for number, case in islice(waiting, max(0, limit - len(running))):
+                reference = task.remote(case, contents[case["policy"]], rodgym.__version__)
+                running[reference] = number, case
+            if not running:
+                return
+            (reference,), _ = ray.wait(list(running))
+            number, case = running.pop(reference)
+            yield number, _result(reference, case)
+    finally:
+        # The study was stopped; the cluster may go on.
+        for reference in running:
+            ray.cancel(reference)
 
 
 def _result(reference: Any, case: Case) -> Row:
