@@ -127,7 +127,7 @@ def test_a_study_killed_and_resumed_gives_the_same_table(plan, finished, address
 
     pytest.importorskip("rich")
     study = subprocess.Popen(command, stderr=subprocess.PIPE)
-    until(lambda: rows() > 3, 120)
+    until(lambda: rows() > 3, 300)
     study.kill()
     study.communicate()
     before = rows()
@@ -282,9 +282,11 @@ def test_a_killed_driver_leaves_no_cluster_behind(plan, tmp_path):
     pytest.importorskip("rich")
     study = subprocess.Popen(command, stderr=subprocess.DEVNULL)
     table = tmp_path / "s" / "table.csv"
-    until(lambda: table.exists() and table.stat().st_size > 0, 120)
-    before = processes(study.pid)
+    try:
+        until(lambda: table.exists() and table.stat().st_size > 0, 300)
+        before = processes(study.pid)
+    finally:
+        study.kill()
+        study.wait()
     assert any("raylet" in name for name in before.values())
-    study.kill()
-    study.wait()
     until(lambda: not any(alive(pid) for pid in before), 60)

@@ -40,6 +40,9 @@ def example():
 
 @pytest.fixture(scope="module")
 def cluster():
+    import torch
+
+    torch.set_num_threads(1)
     with short_folder() as folder, rodgym.ray.cluster("local", 2, _temp_dir=folder):
         rodgym.ray.register()
         yield
