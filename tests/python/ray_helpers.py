@@ -9,6 +9,7 @@ import secrets
 import shutil
 import tempfile
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
@@ -38,29 +39,34 @@ def short_folder() -> Iterator[str]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def running_cases() -> dict[int, str]:
-    """Process ids of workers that compute a case of a study just now."""
+def running_cases() -> list[Any]:
+    """Workers below this process that compute a case of a study just now."""
     from rodgym.ray.study import TASK
 
-    return {pid: name for pid, name in processes().items() if name.startswith(f"ray::{TASK}")}
+    return [p for p in processes() if name(p).startswith(f"ray::{TASK}")]
 
 
-def processes(parent: int | None = None) -> dict[int, str]:
-    """The processes below this one, or below `parent`, with their command lines."""
+def processes(parent: int | None = None) -> list[Any]:
+    """The processes below this one, or below `parent` (`psutil.Process`)."""
     import psutil
 
-    found = {}
-    for process in psutil.Process(parent).children(recursive=True):
-        with contextlib.suppress(psutil.Error):
-            if process.status() != psutil.STATUS_ZOMBIE:
-                found[process.pid] = " ".join(process.cmdline())
-    return found
+    return [p for p in psutil.Process(parent).children(recursive=True) if alive(p)]
 
 
-def alive(pid: int) -> bool:
-    """Whether a process runs, whoever its parent is by now."""
+def name(process: Any) -> str:
+    """Its command line; nothing once it has ended."""
+    import psutil
+
+    try:
+        return " ".join(process.cmdline())
+    except psutil.Error:
+        return ""
+
+
+def alive(process: Any) -> bool:
+    """Whether it runs: that very process, not another with its number."""
     import psutil
 
     with contextlib.suppress(psutil.Error):
-        return psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
+        return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
     return False
