@@ -80,9 +80,12 @@ fuzz: ## long: FUZZ_SECONDS of each target (needs nightly Rust and cargo-fuzz)
 
 # RLlib has an environment of its own, because it pins Gymnasium.
 RLLIB := .venv-rllib
-ray: server $(RLLIB)/.ready ## long: RLlib and Ray, on clusters that the tests start (makes .venv-rllib)
-	RODGYM_NEED_RAY=1 RODGYM_NEED_SERVER=1 PYTHONPATH=py-bindings/python \
-		$(RLLIB)/bin/python -m pytest tests/python/test_ray.py tests/python/test_rllib.py
+ray: export RODGYM_NEED_RAY := 1
+ray: export RODGYM_NEED_SERVER := 1
+ray: server $(RLLIB)/.ready ## long: RLlib, and studies on Ray clusters that the tests start (makes .venv-rllib)
+	$(BIN)/python -m pytest tests/python/test_ray.py
+	PYTHONPATH=py-bindings/python $(RLLIB)/bin/python -m pytest -k "not study and not killed" \
+		tests/python/test_ray.py tests/python/test_rllib.py
 
 $(RLLIB)/.ready:
 	$(PYTHON) -m venv $(RLLIB)

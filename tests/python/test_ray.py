@@ -288,4 +288,4 @@ def test_a_killed_driver_leaves_no_cluster_behind(plan, tmp_path):
         study.kill()
         study.wait()
     assert len(before) > 3
-    until(lambda: not any(alive(process) for process in before), 60)
+    until(lambda: not any(alive(process) for process in before), 180)
