@@ -1,6 +1,8 @@
 //! What the live page shows: the rods of some sessions, drawn from their scenes.
 
 use crate::server::Server;
+use crate::session::Session;
+use rodgym_core::env::Scene;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::sync::Mutex;
@@ -11,6 +13,8 @@ use std::time::Duration;
 const SESSIONS: usize = 12;
 /// Environments of one session that are shown.
 const ENVS: usize = 4;
+/// Pieces of one rod that are shown.
+const NODES: usize = 60;
 
 /// The newest pictures, by shard. Costs nothing while nobody watches.
 #[derive(Debug, Default)]
@@ -59,17 +63,9 @@ impl Live {
     }
 }
 
-fn picture(sid: u128, session: &crate::session::Session) -> Value {
+fn picture(sid: u128, session: &Session) -> Value {
     let env = session.env();
     let shown = env.num_envs().min(ENVS);
-    // A scene before the first reset may be refused: then there is nothing to draw yet.
-    let scenes: Vec<Value> = (0..shown)
-        .filter_map(|i| env.scene(i).ok())
-        .map(|s| {
-            json!({"machine": s.machine, "nodes": s.nodes, "time": s.time, "reward": s.reward,
-                "return": s.episode_return, "length": s.values.get("length")})
-        })
-        .collect();
     json!({
         // Session numbers are secrets: a checksum tells them apart as well.
         "name": format!("{:08x}", crc32fast::hash(&sid.to_be_bytes())),
@@ -77,6 +73,31 @@ fn picture(sid: u128, session: &crate::session::Session) -> Value {
         "id": env.spec().id,
         "envs": env.num_envs(),
         "steps": session.steps,
-        "scenes": scenes,
+        // A scene before the first reset may be refused: then there is nothing to draw yet.
+        "scenes": (0..shown).filter_map(|i| env.scene(i).ok()).map(sketch).collect::<Value>(),
+    })
+}
+
+/// A scene with as many nodes as a small picture can show.
+fn sketch(scene: Scene) -> Value {
+    let last = scene.nodes.len().saturating_sub(1);
+    let stride = last.div_ceil(NODES).max(1);
+    let thinned = |values: &[f64], scale: f64| -> Value {
+        let inner = values.iter().take(last).step_by(stride);
+        inner.chain(values.get(last)).map(|v| v * scale).collect()
+    };
+    // To 10 um: a fourth of the text.
+    let (x, y): (Vec<f64>, Vec<f64>) =
+        scene.nodes.iter().map(|[x, y]| ((x * 1e5).round() / 1e5, (y * 1e5).round() / 1e5)).unzip();
+    json!({
+        "machine": scene.machine,
+        "time": scene.time,
+        "return": scene.episode_return,
+        "values": scene.values,
+        "x": thinned(&x, 1.0),
+        "y": thinned(&y, 1.0),
+        "thickness": thinned(&scene.thickness, 1.0),
+        // Turn of the whole rod if all of it were bent as here [rad].
+        "bend": thinned(&scene.curvature, last as f64),
     })
 }

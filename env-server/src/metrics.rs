@@ -52,6 +52,35 @@ pub struct Metrics {
     pub sessions: AtomicU64,
 }
 
+/// Steps so far, or between two looks.
+#[derive(Clone, Copy, Debug)]
+pub struct Steps {
+    /// Steps of single environments.
+    pub env_steps: u64,
+    /// Steps of batches.
+    pub batches: u64,
+    /// Time that they took \[ns\].
+    pub nanos: u64,
+}
+
+impl Steps {
+    /// Mean time of a batch's step \[s\].
+    pub fn mean_seconds(&self) -> Option<f64> {
+        (self.batches > 0).then(|| self.nanos as f64 * 1e-9 / self.batches as f64)
+    }
+}
+
+impl std::ops::Sub for Steps {
+    type Output = Steps;
+    fn sub(self, before: Steps) -> Steps {
+        Steps {
+            env_steps: self.env_steps - before.env_steps,
+            batches: self.batches - before.batches,
+            nanos: self.nanos - before.nanos,
+        }
+    }
+}
+
 impl Metrics {
     /// Counts a request by operation.
     pub fn request(&self, op: &str) {
@@ -72,6 +101,15 @@ impl Metrics {
         self.step_nanos.fetch_add(time.as_nanos() as u64, Relaxed);
         let i = BUCKETS.partition_point(|end| *end < time.as_secs_f64());
         self.buckets[i].fetch_add(1, Relaxed);
+    }
+
+    /// Steps so far.
+    pub fn steps(&self) -> Steps {
+        Steps {
+            env_steps: self.env_steps.load(Relaxed),
+            batches: self.buckets.iter().map(|count| count.load(Relaxed)).sum(),
+            nanos: self.step_nanos.load(Relaxed),
+        }
     }
 
     /// Refusals with this code so far.

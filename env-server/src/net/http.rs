@@ -1,8 +1,10 @@
 //! The second, local port: health, metrics, and the live page when it is asked for.
 
+use crate::error::CODES;
 use crate::live::Live;
+use crate::metrics::Steps;
 use crate::shared::Shared;
-use serde_json::json;
+use serde_json::{Map, Value, json};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::sync::Arc;
@@ -115,17 +117,28 @@ impl Http {
     fn events(&self, stream: &mut TcpStream, live: &Live) -> std::io::Result<()> {
         stream.write_all(head("200 OK", "text/event-stream", None).as_bytes())?;
         let _watcher = live.watch();
-        let (mut steps, mut since) = (None, Instant::now());
+        let mut last: Option<(Instant, Steps)> = None;
         while !self.shared.draining.load(Relaxed) {
             let m = &self.shared.metrics;
-            let now = m.env_steps.load(Relaxed);
-            let rate = steps.map(|before| (now - before) as f64 / since.elapsed().as_secs_f64());
-            (steps, since) = (Some(now), Instant::now());
-            let errors: u64 = crate::error::CODES.iter().map(|code| m.errors(*code)).sum();
+            let (now, steps) = (Instant::now(), m.steps());
+            let growth = last.map(|(then, before)| (now - then, steps - before));
+            last = Some((now, steps));
+            let refused: Map<String, Value> = CODES
+                .iter()
+                .map(|code| (code.word().into(), m.errors(*code)))
+                .filter(|(_, count)| *count > 0)
+                .map(|(word, count)| (word, count.into()))
+                .collect();
             let data = json!({
-                "sessions": m.sessions.load(Relaxed), "env_steps": now, "rate": rate,
-                "errors": errors, "replayed": m.replayed.load(Relaxed),
-                "denied": m.denied.load(Relaxed), "shown": live.sessions(),
+                "sessions": m.sessions.load(Relaxed),
+                "env_steps": steps.env_steps,
+                "rate": growth.map(|(time, new)| new.env_steps as f64 / time.as_secs_f64()),
+                // Mean of the batches that stepped since the last event.
+                "step_seconds": growth.and_then(|(_, new)| new.mean_seconds()),
+                "errors": CODES.iter().map(|code| m.errors(*code)).sum::<u64>(),
+                "refused": refused,
+                "replayed": m.replayed.load(Relaxed),
+                "shown": live.sessions(),
             });
             write!(stream, "data: {data}\n\n")?;
             stream.flush()?;
