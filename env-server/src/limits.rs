@@ -25,6 +25,15 @@ pub struct Limits {
     pub idle_seconds: u64,
     /// Threads of one step.
     pub threads: usize,
+    /// Milliseconds that a connection may take for its handshake.
+    #[serde(skip_serializing)]
+    pub handshake_ms: i32,
+    /// Connections that wait to be accepted.
+    #[serde(skip_serializing)]
+    pub backlog: i32,
+    /// Milliseconds that the end waits for replies that are not sent yet.
+    #[serde(skip_serializing)]
+    pub linger_ms: i32,
 }
 
 impl Default for Limits {
@@ -39,11 +48,55 @@ impl Default for Limits {
             window: 16,
             idle_seconds: 600,
             threads: 1,
+            handshake_ms: 2000,
+            backlog: 1024,
+            linger_ms: 500,
         }
     }
 }
 
+/// Messages that wait for one peer. A ROUTER drops replies silently when more than half of this is
+/// outstanding, so no window may be larger than that.
+pub const HIGH_WATER_MARK: i32 = 64;
+
 impl Limits {
+    /// Sets one limit by the name of its field.
+    ///
+    /// # Errors
+    /// An unknown name, or a value that is not allowed: a sentence.
+    pub fn set(&mut self, name: &str, value: u64) -> Result<(), String> {
+        let least = if name == "linger_ms" { 0 } else { 1 };
+        let most = match name {
+            "window" => HIGH_WATER_MARK as u64 / 2,
+            // The front throws away what lies far beyond.
+            "frames" => 32,
+            // What libzmq takes.
+            "handshake_ms" | "backlog" | "linger_ms" => i32::MAX as u64,
+            "message_bytes" => i64::MAX as u64,
+            _ => u64::from(u32::MAX),
+        };
+        if !(least..=most).contains(&value) {
+            return Err(format!("limit {name} = {value} is not allowed: {least} to {most}"));
+        }
+        let size = value as usize;
+        match name {
+            "sessions" => self.sessions = size,
+            "sessions_per_user" => self.sessions_per_user = size,
+            "envs" => self.envs = size,
+            "message_bytes" => self.message_bytes = size,
+            "header_bytes" => self.header_bytes = size,
+            "frames" => self.frames = size,
+            "window" => self.window = size,
+            "idle_seconds" => self.idle_seconds = value,
+            "threads" => self.threads = size,
+            "handshake_ms" => self.handshake_ms = value as i32,
+            "backlog" => self.backlog = value as i32,
+            "linger_ms" => self.linger_ms = value as i32,
+            _ => return Err(format!("'{name}' is not a limit")),
+        }
+        Ok(())
+    }
+
     /// Time after which an idle session is dropped.
     pub fn idle(&self) -> Duration {
         Duration::from_secs(self.idle_seconds)

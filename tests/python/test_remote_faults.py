@@ -10,6 +10,7 @@ import socket
 import struct
 import threading
 import time
+import urllib.request
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ need_server()
 
 import rodgym.remote  # noqa: E402
 import zmq  # noqa: E402
-from rodgym.remote import SessionLostError, VersionError  # noqa: E402
+from rodgym.remote import RemoteTimeoutError, SessionLostError, VersionError  # noqa: E402
 from rodgym.remote.connection import Address, Connection  # noqa: E402
 from rodgym.remote.wire import pack, unpack  # noqa: E402
 from rodgym.vector import RodVectorEnv  # noqa: E402
@@ -137,6 +138,48 @@ def test_a_stopped_server_is_waited_for(undisturbed):
         assert native.connection.resent > 0
 
 
+@pytest.mark.parametrize("repeated", [False, True])
+def test_a_step_that_timed_out_counts_once(undisturbed, repeated):
+    """Whether the caller goes on with the next step or tries the same one again."""
+    actions, expected = undisturbed
+    with serving() as server:
+        env = rodgym.remote.connect(
+            server.address, SWING_UP, 2, max_episode_steps=5, **RANDOM, timeout=1.0
+        )
+        assert_same(env.reset(seed=8), expected[0])
+        server.send(signal.SIGSTOP)
+        with pytest.raises(RemoteTimeoutError, match="does not answer"):
+            env.step(actions[0])
+        server.send(signal.SIGCONT)
+        for i in range(0 if repeated else 1, STEPS):
+            assert_same(env.step(actions[i]), expected[i + 1])
+        env.close()
+
+
+def test_an_interrupted_step_counts_once(server, undisturbed, monkeypatch):
+    actions, expected = undisturbed
+    env = rodgym.remote.connect(server.address, SWING_UP, 2, max_episode_steps=5, **RANDOM)
+    assert_same(env.reset(seed=8), expected[0])
+    for i, action in enumerate(actions):
+        if i % 3 == 1:
+            # Ctrl-C while the reply is on its way.
+            with monkeypatch.context() as patch:
+                patch.setattr(Connection, "_attempt", interrupted(Connection._attempt))
+                with pytest.raises(KeyboardInterrupt):
+                    env.step(action)
+            continue
+        assert_same(env.step(action), expected[i + 1])
+    env.close()
+
+
+def interrupted(attempt):
+    def interrupting(self, frames, rid, until):
+        attempt(self, frames, rid, until)
+        raise KeyboardInterrupt
+
+    return interrupting
+
+
 def test_sigterm_drains_and_stops_at_once_when_nothing_is_in_flight():
     with serving() as server:
         env = rodgym.remote.connect(server.address, SWING_UP, 2, timeout=1.0)
@@ -216,6 +259,26 @@ def test_garbage_on_the_port_harms_nobody(server, undisturbed):
     results, _ = play(server.address, actions)
     assert_same(results, expected)
     assert server.memory() - before < 50 << 20
+
+
+def test_oversize_and_deeply_nested_headers_are_refused_and_the_connection_lives(server):
+    peer = zmq.Context.instance().socket(zmq.DEALER)
+    peer.linger = 0
+    peer.connect(server.address)
+    opening = b"\x82\xa1v\x01\xa1p"
+    for header in (
+        pack("ping", 1, None, None, {"x": "y" * 5000}, {})[0],
+        opening + b"\x81\xa0" * 2000,
+        opening + b"\x91" * 4000,
+        opening + b"\xdf\xff\xff\xff\xff",
+    ):
+        peer.send(header)
+        assert peer.poll(3000)
+        reply = unpack(peer.recv_multipart())
+        assert reply.err is not None and reply.err["code"] == "bad_header"
+    peer.send_multipart(pack("ping", 2, None, None, {}, {}))
+    assert peer.poll(3000) and unpack(peer.recv_multipart()).ok
+    peer.close()
 
 
 def test_an_oversize_frame_costs_its_sender_the_connection():
@@ -360,6 +423,45 @@ def test_a_slow_reader_gets_every_reply_within_the_window(server):
             reply = unpack(socket_.recv_multipart())
             assert reply.ok and reply.seq == seq
     env.close()
+
+
+def test_replies_beyond_the_high_water_mark_are_counted_and_can_be_asked_for_again():
+    """libzmq drops what a peer does not read; the session goes on from the sequence window."""
+    with serving("--http", "127.0.0.1:0") as server:
+        env = rodgym.remote.connect(server.address, SWING_UP, 1024)
+        local = RodVectorEnv(SWING_UP, 1024)
+        action = np.full((1024, 1), 0.3, dtype=np.float32)
+        env.reset(seed=4)
+        local.reset(seed=4)
+        native = env._batch.native
+        deaf = zmq.Context.instance().socket(zmq.DEALER)
+        deaf.linger, deaf.sndhwm, deaf.rcvhwm, deaf.rcvbuf = 0, 1000, 1, 4096
+        deaf.connect(server.address)
+        # 64 in the server's queue, one here, 0.1 MB each beyond what sockets hold.
+        sent = 200
+        for seq in range(2, 2 + sent):
+            frames = pack("step", seq, native._sid, seq, {}, {"action": action})
+            deaf.send_multipart(frames)
+            expected = local.step(action)
+        until(lambda: counter(server, "step_seconds_count") == sent, 30.0)
+        lost = counter(server, "undelivered_total")
+        assert lost > 0
+        heard = []
+        while deaf.poll(1000):
+            heard.append(unpack(deaf.recv_multipart()).rid)
+        deaf.close()
+        assert len(heard) + lost == sent and heard == sorted(heard)
+        # The last step's reply, lost to the deaf one, from memory; then the next step.
+        native._seq = sent
+        assert_same(env.step(action)[:2], expected[:2])
+        assert_same(env.step(action)[:2], local.step(action)[:2])
+        env.close()
+
+
+def counter(server, name: str) -> int:
+    with urllib.request.urlopen(f"{server.http}/metrics", timeout=5) as page:
+        lines = page.read().decode().splitlines()
+    return int(next(line for line in lines if line.startswith(f"rodgym_{name} ")).split()[1])
 
 
 def test_a_forked_child_is_told_to_connect_anew(server):

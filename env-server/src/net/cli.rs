@@ -25,6 +25,8 @@ Options:
   --max-envs N           of one session [4096]
   --max-message-mib N    of one frame [16]
   --idle-seconds N       before an unused session is dropped [600]
+  --limit NAME=N         any other: header_bytes [4096], frames [8] of a request, window [16, at
+                         most 32], handshake_ms [2000], backlog [1024], linger_ms [500]
   --log FILTER           error, warn, info, debug [info]; also from RODGYM_LOG
   --log-json             one JSON object a line
   -h, --help
@@ -95,17 +97,25 @@ fn parse(arguments: impl IntoIterator<Item = OsString>) -> Result<Command, lexop
             Long("http") => config.http = Some(parser.value()?.parse()?),
             Long("live") => config.live = true,
             Long("workers") => config.workers = Some(parser.value()?.parse()?),
-            Long("threads") => config.limits.threads = parser.value()?.parse()?,
-            Long("max-sessions") => config.limits.sessions = parser.value()?.parse()?,
+            Long("threads") => config.limits.set("threads", parser.value()?.parse()?)?,
+            Long("max-sessions") => config.limits.set("sessions", parser.value()?.parse()?)?,
             Long("max-user-sessions") => {
-                config.limits.sessions_per_user = parser.value()?.parse()?;
+                config.limits.set("sessions_per_user", parser.value()?.parse()?)?;
             }
-            Long("max-envs") => config.limits.envs = parser.value()?.parse()?,
+            Long("max-envs") => config.limits.set("envs", parser.value()?.parse()?)?,
             Long("max-message-mib") => {
                 let mebibytes: u32 = parser.value()?.parse()?;
-                config.limits.message_bytes = (mebibytes as usize) << 20;
+                config.limits.set("message_bytes", u64::from(mebibytes) << 20)?;
             }
-            Long("idle-seconds") => config.limits.idle_seconds = parser.value()?.parse()?,
+            Long("idle-seconds") => config.limits.set("idle_seconds", parser.value()?.parse()?)?,
+            Long("limit") => {
+                let text = parser.value()?.string()?;
+                let (name, value) = text
+                    .split_once('=')
+                    .ok_or_else(|| format!("--limit {text} is not of the form NAME=NUMBER"))?;
+                let value = value.parse().map_err(|_| format!("--limit {text}: not a number"))?;
+                config.limits.set(name, value)?;
+            }
             Long("log") => logs.filter = parser.value()?.string()?,
             Long("log-json") => logs.json = true,
             Short('h') | Long("help") => return Ok(Command::Show(HELP.into())),

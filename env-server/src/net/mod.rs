@@ -7,13 +7,13 @@ pub mod router;
 pub mod signals;
 pub mod zap;
 
-use crate::limits::Limits;
+use crate::limits::{HIGH_WATER_MARK, Limits};
 use crate::live::Live;
 use crate::run::{Allowed, Setup, run};
 use crate::server::Server;
 use crate::shared::Shared;
 use http::Http;
-use router::{HIGH_WATER_MARK, Identify, Router, Security};
+use router::{Identify, Router, Security};
 use std::collections::HashMap;
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -110,7 +110,7 @@ pub fn serve(config: &Config, bound: impl FnOnce(&str, Option<SocketAddr>)) -> R
         &context,
         &config.bind,
         &security,
-        config.limits.message_bytes,
+        &config.limits,
         identify(users.clone(), with_keys),
     )
     .map_err(|e| format!("{} cannot be bound: {e}", config.bind))?;

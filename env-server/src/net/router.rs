@@ -1,18 +1,14 @@
 //! The ZeroMQ front: a ROUTER socket with every limit set, and nothing that waits for a peer.
 
+use crate::limits::{HIGH_WATER_MARK, Limits};
 use crate::transport::{Request, Transport, Waker};
 use crate::wire::Frame;
 use std::ffi::{c_int, c_void};
 use std::io;
 use std::time::Duration;
 
-/// Longest wait for anything of one peer \[ms\].
-const HANDSHAKE_MS: i32 = 2000;
 const HEARTBEAT_MS: i32 = 2000;
 const HEARTBEAT_TIMEOUT_MS: i32 = 6000;
-/// Messages that wait for one peer. ROUTER drops replies silently when more than half of this is
-/// outstanding, so the window must not be larger than that.
-pub const HIGH_WATER_MARK: i32 = 64;
 /// Frames of one message beyond which the rest is thrown away unread.
 const MOST_FRAMES: usize = 64;
 
@@ -45,16 +41,16 @@ impl Router {
         context: &zmq::Context,
         endpoint: &str,
         security: &Security,
-        message_bytes: usize,
+        limits: &Limits,
         identify: Identify,
     ) -> Result<Self, zmq::Error> {
         let mut front = context.socket(zmq::ROUTER)?;
-        front.set_maxmsgsize(message_bytes as i64)?;
+        front.set_maxmsgsize(limits.message_bytes as i64)?;
         front.set_sndhwm(HIGH_WATER_MARK)?;
         front.set_rcvhwm(HIGH_WATER_MARK)?;
-        front.set_linger(500)?;
-        front.set_backlog(1024)?;
-        front.set_handshake_ivl(HANDSHAKE_MS)?;
+        front.set_linger(limits.linger_ms)?;
+        front.set_backlog(limits.backlog)?;
+        front.set_handshake_ivl(limits.handshake_ms)?;
         front.set_heartbeat_ivl(HEARTBEAT_MS)?;
         front.set_heartbeat_timeout(HEARTBEAT_TIMEOUT_MS)?;
         // A reply to a peer that is gone or does not read is an error that we count.

@@ -80,3 +80,37 @@ fn decide(request: &[Vec<u8>], directory: &Path) -> Result<(String, String), Str
         None => Err(format!("key {key} is not in {}", directory.join("authorized").display())),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Status and user of a request's answer. There is no such directory, so nobody is authorized.
+    fn ask(frames: &[&[u8]]) -> (Vec<u8>, Vec<u8>) {
+        let request: Vec<Vec<u8>> = frames.iter().map(|f| f.to_vec()).collect();
+        let metrics = Metrics::default();
+        let reply = answer(&request, Path::new("/nonexistent/rodgym"), &metrics);
+        assert_eq!(reply.len(), 6, "version, number, status, text, user, metadata");
+        assert_eq!(metrics.denied.load(Relaxed), 1);
+        (reply[2].clone(), reply[4].clone())
+    }
+
+    #[test]
+    fn whatever_is_wrong_with_a_request_denies() {
+        let key = [7u8; 32];
+        let good: [&[u8]; 7] = [b"1.0", b"1", b"rodgym", b"127.0.0.1", b"", b"CURVE", &key];
+        let with = |place: usize, other: &'static [u8]| {
+            let mut frames = good;
+            frames[place] = other;
+            ask(&frames)
+        };
+        let denied = (b"400".to_vec(), vec![]);
+        assert_eq!(ask(&good), denied, "an unreadable directory");
+        assert_eq!(ask(&[]), denied);
+        assert_eq!(ask(&good[..6]), denied);
+        assert_eq!(with(0, b"2.0"), denied);
+        assert_eq!(with(2, b"global"), denied, "another domain");
+        assert_eq!(with(5, b"NULL"), denied, "no encryption");
+        assert_eq!(with(6, b"not 32 bytes"), denied);
+    }
+}

@@ -16,9 +16,15 @@ import numpy.typing as npt
 
 from rodgym._machine import plain
 from rodgym._native import Gallery
-from rodgym.errors import EnvIndexError, ParameterError, ResetNeededError, ShapeError
+from rodgym.errors import (
+    EnvIndexError,
+    ParameterError,
+    ResetNeededError,
+    RodgymError,
+    ShapeError,
+)
 from rodgym.remote.connection import Address, Connection
-from rodgym.remote.errors import RemoteError, SessionLostError
+from rodgym.remote.errors import RemoteError, RemoteTimeoutError, SessionLostError
 from rodgym.remote.wire import Arrays, Reply
 
 #: Bits of the `flags` array.
@@ -76,6 +82,8 @@ class RemoteBatch:
         self.recoveries = 0
         self._snapshot: list[bytes] | None = None
         self._since: list[_Call] = []
+        #: A call that may have been carried out without our knowing it.
+        self._unsettled: _Call | None = None
         self._sid: str | None = None
         self._gallery = Gallery()
         #: What must be given back when this object is forgotten; the session in it changes.
@@ -302,6 +310,21 @@ class RemoteBatch:
     def _change(self, op: str, p: dict[str, Any], arrays: Arrays) -> Reply:
         """A numbered call: carried out once, however often it must be sent."""
         self._check_index(p)
+        call = (op, p, arrays)
+        before = self._unsettled
+        if before is not None and not _equal(before, call):
+            # After Ctrl-C or a timeout: that call counts, as an interrupted local one does. (The
+            # same call once more is its repetition.)
+            try:
+                self._carry_out(before)
+            except RemoteError:
+                raise
+            except RodgymError:
+                pass  # The environment refused it: it has changed nothing.
+        return self._carry_out(call)
+
+    def _carry_out(self, call: _Call) -> Reply:
+        op, p, arrays = self._unsettled = call
 
         def send() -> Reply:
             sid, seq = self._session(), self._seq + 1
@@ -309,9 +332,17 @@ class RemoteBatch:
             self._seq = seq
             return reply
 
-        reply = self._again(send)
+        try:
+            reply = self._again(send)
+        except RemoteTimeoutError:
+            raise
+        except RodgymError:
+            # Refused: nothing has happened.
+            self._unsettled = None
+            raise
+        self._unsettled = None
         if self._recover:
-            self._since.append((op, p, arrays))
+            self._since.append(call)
             if len(self._since) >= SNAPSHOT_EVERY:
                 self._save()
         return reply
@@ -331,8 +362,9 @@ class RemoteBatch:
     def _save(self) -> None:
         try:
             self._snapshot = self.get_states(0, self.num_envs)
-        except ResetNeededError:
-            # Some environments were never reset: the calls are all there is to remember.
+        except (ResetNeededError, RemoteTimeoutError):
+            # Some environments were never reset: the calls are all there is to remember. Or the
+            # server is slow: another time.
             return
         self._since.clear()
 
@@ -340,6 +372,7 @@ class RemoteBatch:
         """A new session in the state of the lost one."""
         self.recoveries += 1
         calls, self._since, self._recover = self._since, [], False
+        unsettled, self._unsettled = self._unsettled, None
         try:
             self._open()
             if self._snapshot is not None:
@@ -347,7 +380,7 @@ class RemoteBatch:
             for op, p, arrays in calls:
                 self._change(op, p, arrays)
         finally:
-            self._since, self._recover = calls, True
+            self._since, self._recover, self._unsettled = calls, True, unsettled
 
     def _session(self) -> str:
         if self._sid is None:
@@ -371,6 +404,12 @@ class RemoteBatch:
     def __setstate__(self, states: list[bytes]) -> None:
         if states:
             self.set_states(0, states)
+
+
+def _equal(one: _Call, other: _Call) -> bool:
+    (op, p, arrays), (other_op, other_p, others) = one, other
+    same = op == other_op and p == other_p and arrays.keys() == others.keys()
+    return same and all(np.array_equal(arrays[name], others[name]) for name in arrays)
 
 
 def _release(connection: Connection, held: dict[str, str]) -> None:
