@@ -28,8 +28,8 @@ demo: extension ## train an agent, compare it with the LQR, write runs/demo/repo
 	$(BIN)/rodgym demo $(ARGS)
 
 test: lint test-rust test-oldest test-python ## everything that must hold before a change lands
-# One extension for all of it, the one with the server.
-test server: FEATURES := --features server
+# One extension for all of it, the one with the server; linters see its code too.
+test lint server: FEATURES := --features server
 
 lint: lint-rust lint-python ## formats, clippy, ruff, mypy
 
@@ -43,8 +43,9 @@ lint-python: extension
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
+# With FEATURES (so in `make test`) also what needs libzmq: CURVE, the program, its signals.
 test-rust:
-	cargo test
+	cargo test $(if $(FEATURES),--features rodgym-server/zmq)
 
 # Last, so that the last line is pytest's verdict.
 test-python: server
@@ -66,13 +67,15 @@ server: extension ## the extension with the network server: compiles libzmq once
 test-remote: server ## the network: faults, keys, other languages' clients
 	RODGYM_NEED_SERVER=1 $(BIN)/python -m pytest tests/python -k remote
 
-bench-remote: server ## the network's speed against an echo and the local batch
-	$(BIN)/python tests/long/remote_bench.py
+bench-remote: server ## the network's speed against an echo: refreshes docs/performance/remote.md
+	$(BIN)/python tests/long/remote_bench.py --page docs/performance/remote.md
 
-soak: server ## long: 32 clients for SOAK_MINUTES, memory flat, no step lost or repeated
+soak: server ## long: 32 clients for SOAK_MINUTES, then a connection cut at every byte
 	$(BIN)/python tests/long/remote_soak.py --minutes $(SOAK_MINUTES)
+	$(BIN)/python tests/long/remote_cuts.py
 
 fuzz: ## long: FUZZ_SECONDS of each target (needs nightly Rust and cargo-fuzz)
+	@cargo +nightly fuzz --version || { echo "rustup toolchain install nightly && cargo install cargo-fuzz"; exit 1; }
 	$(PYTHON) env-server/fuzz/seed.py
 	cd env-server && for target in header machine; do \
 	  cargo +nightly fuzz run $$target -- -max_total_time=$(FUZZ_SECONDS) -max_len=20000 -rss_limit_mb=2048; \

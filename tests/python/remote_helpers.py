@@ -11,6 +11,7 @@ import sys
 import tempfile
 import threading
 import time
+import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -114,6 +115,8 @@ class Proxy:
         self.budgets = budgets
         self.direction = direction
         self.cuts = 0
+        #: Bytes that the last connection to end has passed on, by direction.
+        self.passed = {"up": 0, "down": 0}
         self.listener = socket.create_server(("127.0.0.1", 0))
         self.address = f"tcp://127.0.0.1:{self.listener.getsockname()[1]}"
         self.closed = False
@@ -132,17 +135,20 @@ class Proxy:
                 continue
             budget = next(self.budgets, 1 << 40)
             up, down = (budget, 1 << 40) if self.direction == "up" else (1 << 40, budget)
-            for source, sink, bytes_left in ((client, server, up), (server, client, down)):
-                arguments = (source, sink, bytes_left)
-                threading.Thread(target=self._pass, args=arguments, daemon=True).start()
+            for way, *arguments in (("up", client, server, up), ("down", server, client, down)):
+                thread = threading.Thread(target=self._pass, args=(way, *arguments), daemon=True)
+                thread.start()
 
-    def _pass(self, source: socket.socket, sink: socket.socket, budget: int) -> None:
+    def _pass(self, way: str, source: socket.socket, sink: socket.socket, budget: int) -> None:
+        passed = 0
         with contextlib.suppress(OSError):
             while budget > 0 and (data := source.recv(min(65536, budget))):
                 sink.sendall(data)
                 budget -= len(data)
+                passed += len(data)
             if budget <= 0:
                 self.cuts += 1
+        self.passed[way] = passed
         for end in (source, sink):
             with contextlib.suppress(OSError):
                 end.shutdown(socket.SHUT_RDWR)
@@ -151,6 +157,13 @@ class Proxy:
     def close(self) -> None:
         self.closed = True
         self.listener.close()
+
+
+def counter(server: Server, name: str) -> int:
+    """One number of a server with `--http`."""
+    with urllib.request.urlopen(f"{server.http}/metrics", timeout=5) as page:
+        lines = page.read().decode().splitlines()
+    return int(next(line for line in lines if line.startswith(f"rodgym_{name} ")).split()[1])
 
 
 def until(condition: Any, seconds: float = 10.0) -> None:

@@ -18,26 +18,11 @@ need_server()
 
 from rodgym.vector import RodVectorEnv  # noqa: E402
 
-DOCS = Path(__file__).parents[2] / "docs"
-CLIENTS = DOCS / "clients"
+CLIENTS = Path(__file__).parents[2] / "docs" / "clients"
 
 needs_node = pytest.mark.skipif(
     shutil.which("node") is None, reason="Node is not installed (any version from 18 on)"
 )
-
-
-def test_the_client_in_the_protocol_document_steps_an_environment():
-    code = (DOCS / "protocol.md").read_text().split("```python\n")[1].split("```")[0]
-    with serving() as server:
-        names = {"server": server.address}
-        exec(code, names)
-        names["socket"].close(linger=0)
-    env = RodVectorEnv(SWING_UP, 2)
-    env.reset(seed=3)
-    for _ in range(10):
-        observation, reward, *_ = env.step(np.array([[0.5], [-0.5]]))
-    assert names["observation"] == tuple(observation.ravel().tolist())
-    assert names["reward"] == tuple(reward.tolist())
 
 
 def node(*arguments: str) -> str:

@@ -10,13 +10,12 @@ import socket
 import struct
 import threading
 import time
-import urllib.request
 from pathlib import Path
 
 import numpy as np
 import pytest
 from conftest import RANDOM, SWING_UP, actions_for, assert_same
-from remote_helpers import Proxy, need_server, serving, until
+from remote_helpers import Proxy, counter, need_server, serving, until
 
 need_server()
 
@@ -456,12 +455,6 @@ def test_replies_beyond_the_high_water_mark_are_counted_and_can_be_asked_for_aga
         assert_same(env.step(action)[:2], expected[:2])
         assert_same(env.step(action)[:2], local.step(action)[:2])
         env.close()
-
-
-def counter(server, name: str) -> int:
-    with urllib.request.urlopen(f"{server.http}/metrics", timeout=5) as page:
-        lines = page.read().decode().splitlines()
-    return int(next(line for line in lines if line.startswith(f"rodgym_{name} ")).split()[1])
 
 
 def test_a_forked_child_is_told_to_connect_anew(server):

@@ -4,6 +4,7 @@ another's session."""
 from __future__ import annotations
 
 import shutil
+import signal
 import stat
 import subprocess
 import sys
@@ -12,7 +13,7 @@ import time
 import numpy as np
 import pytest
 from conftest import SWING_UP
-from remote_helpers import need_server, serving
+from remote_helpers import counter, need_server, serving, until
 
 need_server()
 
@@ -109,7 +110,7 @@ def test_a_removed_key_loses_its_sessions_within_five_seconds(keys):
         for env in (ada, bob):
             env.reset(seed=1)
         (keys / "server/authorized/ada.key").unlink()
-        time.sleep(4.0)
+        until(lambda: counter(server, "sessions_revoked_total") == 1, 5.0)
         with pytest.raises(AuthenticationError, match="removed"):
             ada.step(np.zeros((1, 1)))
         bob.step(np.zeros((1, 1)))
@@ -161,6 +162,17 @@ def test_the_program_makes_keys_and_serves(tmp_path):
         assert rodgym.remote.ping(line.split()[-1])["user"] == "local"
         process.terminate()
         assert process.wait(10) == 0
+
+
+def test_a_second_signal_stops_the_server_at_once_under_python_too():
+    """Python's own handlers cannot run while Rust holds the thread."""
+    program = [sys.executable, "-m", "rodgym", "serve", "--bind", "tcp://127.0.0.1:0"]
+    with subprocess.Popen(program, stdout=subprocess.PIPE, text=True) as process:
+        assert "listens at" in process.stdout.readline()
+        # Two of a kind could become one before they are seen.
+        process.send_signal(signal.SIGTERM)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(10) in (128 + signal.SIGTERM, 128 + signal.SIGINT)
 
 
 def test_secret_keys_are_private_and_never_overwritten(keys):
