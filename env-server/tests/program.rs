@@ -84,6 +84,7 @@ fn what_is_not_allowed_is_refused_before_anything_is_bound() {
         (&["--limit", "windows=3"], "windows"),
         (&["--limit", "frames"], "NAME=NUMBER"),
         (&["--max-envs", "0"], "envs = 0"),
+        (&["--log", "loud"], "debug or trace"),
         (&["--live"], "--http"),
         (&["--bnid", "x"], "--bnid"),
     ] {

@@ -5,6 +5,7 @@ use lexopt::prelude::*;
 use std::ffi::OsString;
 use std::io::Write;
 use std::path::PathBuf;
+use tracing::Level;
 
 const HELP: &str = "\
 Serves rod environments over ZeroMQ (docs/protocol.md).
@@ -27,7 +28,7 @@ Options:
   --idle-seconds N       before an unused session is dropped [600]
   --limit NAME=N         any other: header_bytes [4096], frames [8] of a request, window [16, at
                          most 32], handshake_ms [2000], backlog [1024], linger_ms [500]
-  --log FILTER           error, warn, info, debug [info]; also from RODGYM_LOG
+  --log LEVEL            error, warn, info, debug [info]; also from RODGYM_LOG
   --log-json             one JSON object a line
   -h, --help
   -V, --version
@@ -40,8 +41,12 @@ enum Command {
 }
 
 struct Logs {
-    filter: String,
+    level: Level,
     json: bool,
+}
+
+fn level(text: &str) -> Result<Level, String> {
+    text.parse().map_err(|_| format!("--log {text}: it must be error, warn, info, debug or trace"))
 }
 
 /// Runs the program; the first argument is not the program's name. Returns the exit code.
@@ -79,8 +84,8 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> u8 {
 
 fn parse(arguments: impl IntoIterator<Item = OsString>) -> Result<Command, lexopt::Error> {
     let mut config = Config::default();
-    let mut logs =
-        Logs { filter: std::env::var("RODGYM_LOG").unwrap_or_else(|_| "info".into()), json: false };
+    let asked = std::env::var("RODGYM_LOG");
+    let mut logs = Logs { level: level(asked.as_deref().unwrap_or("info"))?, json: false };
     let mut parser = lexopt::Parser::from_args(arguments);
     while let Some(argument) = parser.next()? {
         match argument {
@@ -116,7 +121,7 @@ fn parse(arguments: impl IntoIterator<Item = OsString>) -> Result<Command, lexop
                 let value = value.parse().map_err(|_| format!("--limit {text}: not a number"))?;
                 config.limits.set(name, value)?;
             }
-            Long("log") => logs.filter = parser.value()?.string()?,
+            Long("log") => logs.level = level(&parser.value()?.string()?)?,
             Long("log-json") => logs.json = true,
             Short('h') | Long("help") => return Ok(Command::Show(HELP.into())),
             Short('V') | Long("version") => {
@@ -131,9 +136,8 @@ fn parse(arguments: impl IntoIterator<Item = OsString>) -> Result<Command, lexop
 
 /// Logs go to stderr; a second server in one process keeps the first one's.
 fn start_logs(logs: &Logs) {
-    let level = logs.filter.parse().unwrap_or(tracing::Level::INFO);
     let builder = tracing_subscriber::fmt()
-        .with_max_level(level)
+        .with_max_level(logs.level)
         .with_writer(std::io::stderr)
         .with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr()))
         .with_target(false);
