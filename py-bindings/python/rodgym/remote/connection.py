@@ -33,6 +33,8 @@ from rodgym.remote.wire import Arrays, Reply, pack, unpack
 ATTEMPT_SECONDS = (2.0, 8.0)
 #: Pause before a request is sent again over a connection that broke; doubles up to the second [s].
 PAUSE_SECONDS = (0.01, 0.5)
+#: Time between looks at what happened on the wire, and the precision of a deadline [ms].
+EVENTS_MILLISECONDS = 100
 #: Largest frame that is accepted.
 MAX_MESSAGE = 256 << 20
 
@@ -157,19 +159,22 @@ class Connection:
             socket.send_multipart(frames, zmq.DONTWAIT)
         except zmq.Again:
             return None
-        while (left := until - time.monotonic()) > 0:
-            if socket.poll(min(100, 1 + int(left * 1000))):
+        while time.monotonic() < until:
+            try:
                 reply = unpack(socket.recv_multipart())
-                # Zero: the server could not read our number. Others answer requests we gave up.
-                if reply.rid in (rid, 0):
-                    return reply
-            elif self._read_events():
-                return None
+            except zmq.Again:
+                if self._read_events():
+                    return None
+                continue
+            # Zero: the server could not read our number. Others answer requests we gave up.
+            if reply.rid in (rid, 0):
+                return reply
         return None
 
     def _open(self) -> zmq.Socket[bytes]:
         socket: zmq.Socket[bytes] = zmq.Context.instance().socket(zmq.DEALER)
         socket.linger = 0
+        socket.rcvtimeo = EVENTS_MILLISECONDS
         socket.sndhwm = socket.rcvhwm = 64
         socket.maxmsgsize = MAX_MESSAGE
         socket.heartbeat_ivl, socket.heartbeat_timeout = 2000, 6000
