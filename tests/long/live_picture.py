@@ -56,7 +56,7 @@ def main() -> None:
             threads[-1].start()
         with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
             browser = Browser(f"{server.http}/live", profile)
-            size = {"width": 1180, "height": 884, "deviceScaleFactor": 1, "mobile": False}
+            size = {"width": 1180, "height": 930, "deviceScaleFactor": 1, "mobile": False}
             browser.ask("Emulation.setDeviceMetricsOverride", **size)
             stranger = Connection(Address(server.address))
             for _ in range(6):
