@@ -74,6 +74,10 @@ soak: server ## long: 32 clients for SOAK_MINUTES, then a connection cut at ever
 	$(BIN)/python tests/long/remote_soak.py --minutes $(SOAK_MINUTES)
 	$(BIN)/python tests/long/remote_cuts.py
 
+.PHONY: soak-fin
+soak-fin: extension ## long: a million random steps of every fin, writes docs/fin-soak.md
+	$(BIN)/python tests/long/fin_soak.py
+
 fuzz: ## long: FUZZ_SECONDS of each target (needs nightly Rust and cargo-fuzz)
 	@cargo +nightly fuzz --version || { echo "rustup toolchain install nightly && cargo install cargo-fuzz"; exit 1; }
 	$(PYTHON) env-server/fuzz/seed.py

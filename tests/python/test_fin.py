@@ -11,6 +11,8 @@ import pytest
 import rodgym
 from rodgym.baselines import Gait
 from rodgym.errors import ParameterError, ShapeError
+from rodgym.evaluation import evaluate, record
+from rodgym.report import gaits
 
 THRUST = "rodgym/FinThrust-v0"
 TABLE = Path(__file__).parents[1] / "data" / "fin" / "flex_grid_ilm.csv"
@@ -71,6 +73,23 @@ def test_gaits_play_the_environment_they_were_found_in():
     assert total == pytest.approx(gait.parameters["found_return"], rel=0.1)
     with pytest.raises(ParameterError, match="waveform"):
         Gait.for_env(env, "sawtooth")
+
+
+def test_scores_of_a_fin_say_how_it_beats(tmp_path: Path):
+    env = gym.make(THRUST, youngs_modulus=2.5e5)
+    gait = Gait.for_env(env, "sine")
+    seeds, kwargs = range(3), {"youngs_modulus": 2.5e5}
+    found = evaluate(gait, THRUST, seeds, env_kwargs=kwargs)
+    assert found.columns["beat"] == pytest.approx([gait.parameters["frequency"]] * 3, abs=0.03)
+    assert found.columns["youngs_modulus"].tolist() == [2.5e5] * 3
+    # Speed times impulse over work, by hand.
+    played = record(gait, THRUST, 1, env_kwargs=kwargs)
+    by_hand = 0.05 * played.metrics["thrust"].sum() / played.metrics["power"].sum()
+    assert found.columns["efficiency"][1] == pytest.approx(by_hand, rel=1e-9)
+    # At rest a fin points downstream.
+    assert np.abs(played.angles[0]).max() < 0.5
+    gaits.draw(tmp_path / "gaits.png", [played], [found])
+    assert (tmp_path / "gaits.png").stat().st_size > 10_000
 
 
 def test_chapter_3_grid_is_the_references_grid():

@@ -14,6 +14,10 @@ TITLES = {
     "lqr-hybrid": "hybrid LQR",
     "thesis-lqr": "thesis LQR",
     "thesis-lqg": "thesis LQG",
+    "gait": "best gait",
+    "gait-sine": "sine",
+    "gait-square": "squared sine",
+    "gait-triangle": "triangle",
 }
 
 

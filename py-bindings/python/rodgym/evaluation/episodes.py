@@ -100,7 +100,8 @@ def play(
 ) -> Trajectories:
     """Steps all environments until each has ended once."""
     count = env.num_envs
-    observation, _ = env.reset(seed=list(seeds))  # type: ignore[arg-type]
+    observation, begun = env.reset(seed=list(seeds))  # type: ignore[arg-type]
+    drawn = begun.get("parameters", {})
     running = np.ones(count, bool)
     terminated = np.zeros(count, bool)
     state: Any = None
@@ -128,6 +129,7 @@ def play(
         actions=np.array(actions),
         metrics={key: np.array(values) for key, values in metrics.items()},
         terminated=terminated,
+        parameters={key: np.array(drawn[key], np.float64) for key in metric_names(drawn)},
     )
 
 

@@ -19,8 +19,8 @@ class Record:
     """An episode of T steps of one policy.
 
     ``time`` (T,) [s] is that at the end of each step; ``angles`` (T, edges) [rad] are those of
-    :func:`edge_angles`, whatever the policy sees; ``metrics`` are (T,) each; ``frames`` are
-    pictures, ``frame_dt`` apart, the first one of the start.
+    :func:`edge_angles`, whatever the policy sees (a fin's: from downstream);
+    ``metrics`` are (T,) each; ``frames`` are pictures, ``frame_dt`` apart, the first one of the start.
     """
 
     policy: str
@@ -96,13 +96,15 @@ def _record(
                 metrics.setdefault(key, []).append(value)
         if every and len(rewards) % every == 0:
             frames.append(np.asarray(env.render()))
+    # A fin at rest lies along x.
+    rest = np.pi / 2 if "pitch" in metrics else 0.0
     return Record(
         policy=name,
         seed=seed,
         time=dt * np.arange(1, len(rewards) + 1, dtype=np.float64),
         rewards=np.array(rewards),
         actions=np.array(actions),
-        angles=np.array(angles),
+        angles=np.array(angles) - rest,
         metrics={key: np.array(values) for key, values in metrics.items()},
         frames=frames,
         frame_dt=every * dt,

@@ -7,7 +7,7 @@ one number per episode and column. Nothing here simulates anything.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,7 +48,7 @@ class Trajectories:
 
     ``alive[t, i]`` is set where step t belongs to episode i; ``metrics`` are the numbers that the
     environment reports at every step, (T, n) each; ``terminated`` (n,) says which episodes the task
-    ended before the time limit.
+    ended before the time limit; ``parameters`` are those of each episode, (n,) each.
     """
 
     control_dt: float
@@ -57,7 +57,7 @@ class Trajectories:
     actions: NDArray[np.float32]
     metrics: Mapping[str, Floats]
     terminated: NDArray[np.bool_]
-    length: float | None = None
+    parameters: Mapping[str, Floats] = field(default_factory=dict)
 
     @property
     def steps(self) -> NDArray[np.intp]:
@@ -74,6 +74,10 @@ class Trajectories:
         index = np.arange(len(values))[:, None]
         window = self.alive & (index >= self.steps - count)
         return np.where(window, values, 0.0).sum(axis=0) / window.sum(axis=0)
+
+    def last(self, values: Floats) -> Floats:
+        """The value at the end of each episode, (n,)."""
+        return values[self.steps - 1, np.arange(values.shape[1])]
 
     def rms(self, values: Floats) -> Floats:
         """Root of the mean square over each episode, (n,)."""
@@ -166,27 +170,62 @@ COMMAND = Column(
     1,
 )
 
-FIN = (RETURN, THRUST, POWER, COMMAND, LENGTH)
-FIN_DEMAND = (RETURN, TRACKING, THRUST, POWER, COMMAND, LENGTH)
-FIN_SWIM = (RETURN, SPEED, THRUST, POWER, COMMAND, LENGTH)
+EFFICIENCY = Column(
+    "efficiency",
+    "efficiency",
+    "propulsive (Froude) efficiency over the episode: speed times impulse over work",
+    "%",
+    100.0,
+    1,
+    "high",
+)
+BEAT = Column(
+    "beat",
+    "beat",
+    "frequency that is strongest in the pitch over the second half of the episode",
+    "Hz",
+)
+MODULUS = Column(
+    "youngs_modulus", "Young's modulus", "of the fin in this episode", "kPa", 1e-3, digits=0
+)
+
+FIN_COMMON = (THRUST, POWER, EFFICIENCY, BEAT, COMMAND, MODULUS, LENGTH)
+FIN = (RETURN, *FIN_COMMON)
+FIN_DEMAND = (RETURN, TRACKING, *FIN_COMMON)
+FIN_SWIM = (RETURN, SPEED, *FIN_COMMON)
 
 
 def fin(run: Trajectories) -> dict[str, Floats]:
     """Scores of a fin.
 
-    Metrics used: ``thrust`` [N], ``power`` [W]; where the task has them, ``demand`` and
-    ``smooth_thrust`` [N], ``hull_speed`` [m/s].
+    Metrics used: ``thrust`` [N], ``power`` [W], ``pitch`` [rad], ``efficiency``; where the task has
+    them, ``demand`` and ``smooth_thrust`` [N], ``hull_speed`` [m/s]. Parameter: ``youngs_modulus``.
     """
     scores = {
         "thrust": run.mean(run.metrics["thrust"]),
         "power": run.mean(run.metrics["power"]),
+        "efficiency": run.last(run.metrics["efficiency"]),
+        "beat": beat(run),
         "command": run.rms(np.clip(run.actions[..., 0].astype(np.float64), -1, 1)),
+        "youngs_modulus": run.parameters["youngs_modulus"],
     }
     if "demand" in run.metrics:
         scores["tracking_error"] = run.rms(run.metrics["demand"] - run.metrics["smooth_thrust"])
     if "hull_speed" in run.metrics:
         scores["speed"] = run.mean(run.metrics["hull_speed"])
     return scores
+
+
+def beat(run: Trajectories) -> Floats:
+    """Strongest frequency of the pitch over the second half of each episode [Hz], (n,)."""
+    index = np.arange(len(run.alive))[:, None]
+    window = run.alive & (index >= run.steps // 2)
+    pitch = run.metrics["pitch"]
+    mean = np.where(window, pitch, 0.0).sum(axis=0) / window.sum(axis=0)
+    # Padded with zeros: the peak of a short record is read between its own frequencies.
+    length = 16 * len(pitch)
+    spectrum = np.abs(np.fft.rfft(np.where(window, pitch - mean, 0.0), length, axis=0))
+    return np.asarray(spectrum.argmax(axis=0) / (length * run.control_dt), np.float64)
 
 
 def columns_for(metrics: Mapping[str, Floats]) -> tuple[Column, ...]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from rodgym.evaluation import Evaluation, Policy, Record, evaluate, record
-from rodgym.report import animation, plots
+from rodgym.report import animation, gaits, plots
 from rodgym.runs import Run, write_csv
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def compare(
 
     Files: ``scores.csv`` (one row per policy and seed), ``episode.csv`` (the steps of the episode
     that is shown), ``scores.png``, ``episode.png``, ``animation.gif`` and, with a training,
-    ``learning_curve.png``.
+    ``learning_curve.png``; of a fin ``gaits.png``.
     """
     began = time.perf_counter()
     kwargs = dict(env_kwargs or {})
@@ -76,6 +76,8 @@ def compare(
     _write_episode(run, records)
     plots.distributions(run.file("scores.png"), evaluations)
     plots.episodes(run.file("episode.png"), records)
+    if "pitch" in records[0].metrics:
+        gaits.draw(run.file("gaits.png"), records, evaluations)
     animation.write_gif(
         run.file("animation.gif"), animation.side_by_side(records), records[0].frame_dt
     )

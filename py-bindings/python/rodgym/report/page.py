@@ -12,6 +12,7 @@ from string import Template
 
 from rodgym.evaluation import Column, Evaluation
 from rodgym.evaluation.table import cell
+from rodgym.report import gaits
 from rodgym.report.compare import Comparison
 from rodgym.report.style import COLOURS
 from rodgym.runs import Run
@@ -22,12 +23,14 @@ MIME = {".png": "image/png", ".gif": "image/gif"}
 def write_page(run: Run, comparison: Comparison) -> Path:
     """Writes ``report.html`` from the files that the comparison has left in the run's folder."""
     names = [e.policy for e in comparison.evaluations]
+    fin = "pitch" in comparison.records[0].metrics
+    seed = comparison.records[0].seed
     sections = [
         _picture(
             run,
             "animation.gif",
             "The same episode, side by side",
-            f"Seed {comparison.records[0].seed}, in real time: the same rod, the same start.",
+            f"Seed {seed}, in real time: the same {'fin' if fin else 'rod'}, the same start.",
         ),
         _scores(comparison),
         _picture(
@@ -36,13 +39,19 @@ def write_page(run: Run, comparison: Comparison) -> Path:
             "Every episode",
             "A dot is one episode, a bar the mean; the same seeds for all.",
         ),
+        _picture(run, "gaits.png", "How they beat", gaits.TEXT.format(seed=seed)) if fin else "",
         _learning(run, comparison),
         _picture(
             run,
             "episode.png",
             "Inside one episode",
-            f"Seed {comparison.records[0].seed}: each edge's angle from hanging down, dark at the "
-            "base and light at the tip, and what the policy did.",
+            f"Seed {seed}: each edge's angle from "
+            + (
+                "downstream, dark at the nose and light at the tail, and what the policy did, in "
+                "the first seconds."
+                if fin
+                else "hanging down, dark at the base and light at the tip, and what the policy did."
+            ),
         ),
         _how(run, comparison),
     ]
@@ -50,7 +59,7 @@ def write_page(run: Run, comparison: Comparison) -> Path:
         resources.files("rodgym.report").joinpath("page.html").read_text(encoding="utf-8")
     )
     text = template.substitute(
-        title=html.escape(" and ".join(names)),
+        title=html.escape(together(names)),
         env_id=html.escape(comparison.env_id),
         date=html.escape(str(run.facts["date"])),
         verdict=html.escape(verdict(comparison.evaluations)),
@@ -59,6 +68,12 @@ def write_page(run: Run, comparison: Comparison) -> Path:
     path = run.file("report.html")
     path.write_text(text, encoding="utf-8")
     return path
+
+
+def together(names: list[str]) -> str:
+    """One; one and two; one, two and three."""
+    *first, last = names
+    return f"{', '.join(first)} and {last}" if first else last
 
 
 def verdict(evaluations: tuple[Evaluation, ...]) -> str:

@@ -22,6 +22,8 @@ TRACES = (
     ("power", "power [mW]", 1e3),
     ("hull_speed", "hull speed [mm/s]", 1e3),
 )
+#: Seconds of a fin's episode that are drawn.
+FIN_SECONDS = 3.0
 
 
 def learning_curve(
@@ -82,7 +84,10 @@ def _wall_time_axis(axes: Axes, steps: np.ndarray, seconds: np.ndarray) -> None:
 
 
 def episodes(path: Path, records: Sequence[Record]) -> None:
-    """Angles of all edges, then action and machine traces; one column a policy, one seed."""
+    """Angles of all edges, then action and machine traces; one column a policy, one seed.
+
+    A fin beats too fast for whole episodes: its first seconds are shown.
+    """
     shown = [trace for trace in TRACES if all(trace[0] in r.metrics for r in records)]
     rows = 1 + max(1, len(shown))
     with styled():
@@ -104,6 +109,8 @@ def episodes(path: Path, records: Sequence[Record]) -> None:
             if not shown:
                 grid[1, i].plot(record.time, record.actions[:, 0], color=colour, lw=1.4)
             grid[-1, i].set_xlabel("time [s]")
+            if "pitch" in record.metrics:
+                grid[-1, i].set_xlim(0.0, min(FIN_SECONDS, record.time[-1]))
         grid[0, 0].set_ylabel("edge angles [deg]")
         for axes, (_, label, _) in zip(grid[1:, 0], shown, strict=False):
             axes.set_ylabel(label)
@@ -114,12 +121,15 @@ def episodes(path: Path, records: Sequence[Record]) -> None:
 
 
 def _angles(axes: Axes, record: Record) -> None:
-    """Every edge's angle, dark at the base and light at the tip, with up as a line."""
+    """Every edge's angle, dark at base or nose and light at tip or tail, with up as a line."""
     # Angles are known up to whole turns: follow each through the episode without jumps.
     angles = np.degrees(np.unwrap(record.angles, axis=0))
     shades = plt.colormaps["viridis"](np.linspace(0.0, 0.85, max(angles.shape[1], 1)))
     for edge in range(angles.shape[1]):
-        label = {0: "base edge", angles.shape[1] - 1: "tip edge"}.get(edge)
+        ends = (
+            ("nose edge", "tail edge") if "pitch" in record.metrics else ("base edge", "tip edge")
+        )
+        label = {0: ends[0], angles.shape[1] - 1: ends[1]}.get(edge)
         axes.plot(record.time, angles[:, edge], color=shades[edge], lw=1.2, label=label)
     if angles.size and np.abs(angles).max() > 150:
         for turn in (-180, 180):
@@ -133,9 +143,11 @@ def distributions(path: Path, evaluations: Sequence[Evaluation]) -> None:
     """Each episode as a dot, each measure in its own panel, means as bars."""
     described = [c for c in evaluations[0].described if c.better and c.name != "upright"]
     rng = np.random.default_rng(0)
+    # Room for the names below the dots.
+    wide = max(2.6, 0.11 * sum(2 + len(e.policy) for e in evaluations))
     with styled():
         figure, grid = plt.subplots(
-            1, len(described), figsize=(2.6 * len(described), 3.4), squeeze=False
+            1, len(described), figsize=(wide * len(described), 3.4), squeeze=False
         )
         for axes, column in zip(grid[0], described, strict=True):
             for i, evaluation in enumerate(evaluations):
