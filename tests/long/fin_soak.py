@@ -2,8 +2,8 @@
 
 Stiffness log-uniform in [3e4, 1e7] Pa and flow in [0, 0.3] m/s, drawn anew each episode. Half of
 the fins are told a random angle at every step, a quarter the largest angles back and forth at
-random, a quarter follow sinusoids of any frequency up to half of the control rate. Counted: steps, solver
-failures, numbers that are not finite or out of bounds, and how much the process grows.
+random, a quarter follow sinusoids of any frequency up to half of the control rate. Counted: steps,
+solver failures, numbers that are not finite or out of bounds, and how much the process grows.
 """
 
 from __future__ import annotations
@@ -127,8 +127,9 @@ def page(found: dict[tuple[str, str], Tally]) -> str:
 # A million random steps of every fin
 
 {when}, {machine}, rodgym {rodgym.__version__}. Stiffness log-uniform in [3e4, 1e7] Pa and
-flow uniform in [0, 0.3] m/s, drawn anew each episode. Half of the fins are told a random angle at every step, a
-quarter the largest angles back and forth at random, a quarter sinusoids up to 12.5 Hz.
+flow uniform in [0, 0.3] m/s, drawn anew each episode. Half of the fins are told
+a random angle at every step, a quarter the largest angles back and forth at random, a quarter
+sinusoids up to 12.5 Hz.
 
 {lines}
 

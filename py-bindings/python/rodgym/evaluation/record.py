@@ -20,7 +20,8 @@ class Record:
 
     ``time`` (T,) [s] is that at the end of each step; ``angles`` (T, edges) [rad] are those of
     :func:`edge_angles`, whatever the policy sees (a fin's: from downstream);
-    ``metrics`` are (T,) each; ``frames`` are pictures, ``frame_dt`` apart, the first one of the start.
+    ``metrics`` are (T,) each; ``frames`` are pictures, ``frame_dt`` apart, the first one of the
+    start.
     """
 
     policy: str
