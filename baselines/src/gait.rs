@@ -20,10 +20,10 @@ const SEEDS: usize = 8;
 const STEPS: u32 = 200;
 /// Demanded thrust at which a gait has its nominal amplitude \[N\]; thrust grows with its square.
 const USUAL_DEMAND: f64 = 0.1;
-/// Frequencies \[Hz\] of the first grid.
-const FREQUENCIES: [f64; 9] = [1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0];
+/// Frequencies \[Hz\] of the first grid, up to those of the stiffest fins' resonance.
+const FREQUENCIES: [f64; 13] = [1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 7.0, 8.5, 10.0, 12.0];
 /// Amplitudes of the first grid, in units of the action.
-const AMPLITUDES: [f64; 7] = [0.1, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0];
+const AMPLITUDES: [f64; 8] = [0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0];
 
 /// A periodic command.
 #[derive(Clone, Debug, PartialEq)]

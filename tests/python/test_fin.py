@@ -57,6 +57,16 @@ def test_bad_arguments_are_named():
         rodgym.sim.Fin().set_state(np.zeros((3, 2)))
     with pytest.raises(ParameterError, match="stiffness_profile"):
         gym.make(THRUST, stiffness_profile=[1.0] * 7 + [-1.0])
+    with pytest.raises(ParameterError, match=r"widths\[3\] = 1000000 .* 1 m"):
+        gym.make(THRUST, geometry={"widths": [0.0, 0.02, 0.02, 1e6, 0.01, 0.01, 0.004, 0.0]})
+    # A free swimmer's water is at rest: another flow would be ignored in silence.
+    swim = gym.make("rodgym/FinSwim-v0").unwrapped
+    _, info = swim.reset(seed=0)
+    assert info["parameters"]["flow_speed"] == 0.0
+    with pytest.raises(ParameterError, match="flow_speed"):
+        gym.make("rodgym/FinSwim-v0", flow_speed=0.1)
+    with pytest.raises(ParameterError, match="flow_speed"):
+        swim.reset(options={"parameters": {"flow_speed": 0.1}})
 
 
 def test_gaits_play_the_environment_they_were_found_in():

@@ -100,14 +100,15 @@ impl Config {
     /// # Errors
     /// Unknown keywords, values outside their ranges, steps that do not divide each other.
     pub fn new(task: Task, given: &Map<String, Value>) -> Result<Config> {
-        let table = Parameters::table();
+        let table = Parameters::table_of(task);
         let names = table.iter().map(|p| p.name).chain(OTHERS.iter().copied());
         let keywords = Keywords::new(given, &names.collect::<Vec<_>>())?;
         let thesis = keywords.flag("thesis", false)?;
         let defaults = if thesis { Parameters::thesis() } else { Parameters::default() };
         let mut values = Vec::with_capacity(table.len());
         for (i, parameter) in table.iter().enumerate() {
-            values.push(keywords.parameter(parameter, defaults.get(i))?);
+            let default = defaults.get(i).min(parameter.high);
+            values.push(keywords.parameter(parameter, default)?);
         }
         let mut draws = Draw::table(&keywords, &table, &values)?;
         let drawn = task == Task::Thrust

@@ -4,6 +4,13 @@ use super::parameters::Parameters;
 use crate::error::{Error, Result};
 use crate::rod::Rod;
 
+/// Allowed thickness of a node \[m\].
+const WIDTH: (f64, f64) = (1e-5, 1.0);
+/// Allowed area of a section \[m^2\].
+const AREA: (f64, f64) = (1e-7, 1.0);
+/// Allowed factors of a stiffness profile.
+const STIFFNESS: (f64, f64) = (1e-3, 1e3);
+
 /// Sections of a straight fin whose nodes are evenly spaced, nose first.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Geometry {
@@ -107,7 +114,8 @@ impl Geometry {
     ///
     /// # Errors
     /// Sizes that are not positive and finite, fewer than four nodes, columns of different lengths, a
-    /// pivot without a free edge behind its driven one, an edge without area, an inner node without thickness.
+    /// pivot without a free edge behind its driven one, thicknesses and areas of no fin (the ends may be pointed),
+    /// a stiffness profile beyond a thousandfold.
     pub fn check(&self) -> Result<()> {
         for (name, value) in [("edge_length", self.edge_length), ("height", self.height)] {
             if !(value.is_finite() && value > 0.0) {
@@ -123,7 +131,7 @@ impl Geometry {
                 format!("at most {}, so that a free edge is behind the driven one", n - 3);
             return Err(Error::parameter("pivot", self.pivot, allowed));
         }
-        for (name, column) in [("areas", &self.areas), ("stiffness", &self.stiffness)] {
+        for (name, column) in [("areas", &self.areas), ("stiffness_profile", &self.stiffness)] {
             if column.len() != n {
                 return Err(Error::Shape {
                     name: name.into(),
@@ -132,19 +140,20 @@ impl Geometry {
                 });
             }
         }
-        for (name, column) in [("widths", &self.widths), ("areas", &self.areas)] {
-            let allowed = "finite, positive at inner nodes and not negative at the ends";
-            for (i, &value) in column.iter().enumerate() {
-                let inner = i > 0 && i + 1 < n;
-                if !value.is_finite() || value < 0.0 || (inner && value == 0.0) {
+        let columns = [
+            ("widths", &self.widths, WIDTH, "m"),
+            ("areas", &self.areas, AREA, "m^2"),
+            ("stiffness_profile", &self.stiffness, STIFFNESS, "times youngs_modulus"),
+        ];
+        for (name, column, (low, high), unit) in columns {
+            for (i, value) in column.iter().enumerate() {
+                let pointed =
+                    (i == 0 || i + 1 == n) && *value == 0.0 && name != "stiffness_profile";
+                if !(pointed || (low..=high).contains(value)) {
+                    let ends = if name == "stiffness_profile" { "" } else { ", or 0 at the ends" };
+                    let allowed = format!("from {low} to {high} {unit}{ends}");
                     return Err(Error::parameter(format!("{name}[{i}]"), value, allowed));
                 }
-            }
-        }
-        for (i, &value) in self.stiffness.iter().enumerate() {
-            if !(value.is_finite() && value > 0.0) {
-                let name = format!("stiffness_profile[{i}]");
-                return Err(Error::parameter(name, value, "positive and finite"));
             }
         }
         Ok(())

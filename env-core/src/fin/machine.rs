@@ -37,7 +37,7 @@ impl FinTask {
             action,
             reward_terms: task::terms(task),
             metrics: task::metrics(task),
-            parameters: Parameters::table().to_vec(),
+            parameters: Parameters::table_of(task).to_vec(),
             config: config.resolved.clone(),
             default_max_episode_steps: if task == Task::Swim { 250 } else { 200 },
             control_dt: config.control_dt,
@@ -65,7 +65,8 @@ impl Machine for FinTask {
     }
 
     fn check(&self, options: &ResetOptions) -> Result<Start> {
-        let parameters = exact_parameters(&options.parameters, &Parameters::table())?;
+        let parameters =
+            exact_parameters(&options.parameters, &Parameters::table_of(self.config.task))?;
         let read = |value: &Value| {
             let allowed = "{'positions': (n, 2), 'velocities': (n, 2)}";
             let refuse = || Error::parameter("state", value, allowed);

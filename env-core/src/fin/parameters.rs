@@ -1,5 +1,6 @@
 //! The numbers of a fin and its water that may differ from episode to episode.
 
+use super::config::Task;
 use super::geometry::Geometry;
 use crate::env::Parameter;
 use crate::error::{Error, Result};
@@ -92,6 +93,18 @@ impl Parameters {
     /// Names, units, defaults, ranges and meanings.
     pub fn table() -> [Parameter; Self::COUNT] {
         TABLE.map(|(row, _)| row)
+    }
+
+    /// The table of a task: a free swimmer's water is at rest, whatever is asked.
+    pub fn table_of(task: Task) -> [Parameter; Self::COUNT] {
+        let mut table = Self::table();
+        if task == Task::Swim {
+            for row in table.iter_mut().filter(|row| row.name == "flow_speed") {
+                (row.default, row.high) = (0.0, 0.0);
+                row.doc = "speed of the water: at rest, the fin swims through it";
+            }
+        }
+        table
     }
 
     /// Value of the parameter at `index` of the table.
