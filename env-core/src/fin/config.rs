@@ -55,7 +55,7 @@ const OTHERS: &[&str] = &[
 const STIFFNESS: usize = 0;
 /// Range of Young's modulus in `FinThrust`, about the soft fin's 2.5e5 Pa, unless a value or `randomize` is given
 /// \[Pa\]. For a fin that is known beforehand the best sinusoid is nearly the best that can be done; one that must
-/// be felt is worth controlling (docs/physics.md).
+/// be felt is worth controlling (docs/fin.md).
 const SOFT: (f64, f64) = (8e4, 8e5);
 
 /// Physics step of BDF2, unless asked otherwise \[s\].
