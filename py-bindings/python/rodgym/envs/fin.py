@@ -86,7 +86,7 @@ class FinEnv(RodEnv):
     | Thrust, 8e4 Pa | 29.4 | -0.8 | 33.1 (2.5 Hz) | -0.3 |
     | Thrust, 2.5e5 Pa | 58.1 | 46.7 (5.25 Hz) | 59.0 (3.1 Hz) | 34.6 |
     | Thrust, 8e5 Pa | 90.4 | 85.1 (5.25 Hz) | 93.3 (1.5 Hz) | 28.7 |
-    | Efficiency, demand 0.1 N | 100.1 | 88.7 (5.5 Hz) | 103.6 (2.1 Hz) | 75.3 |
+    | Efficiency, demand 0.1 N | 100.5 | 71.6 (6 Hz) | 101.6 (4.2 Hz) | 61.9 |
     | Swim | 164.5 | 157.8 (5.25 Hz) | 164.5 (3.1 Hz) | 145.3 |
 
     So a slow gait with a better waveform can earn a few percent more than a sinusoid; a command
@@ -95,8 +95,7 @@ class FinEnv(RodEnv):
     steps earn 0.5 more in FinThrust, 4 in FinSwim (sooner at speed), 14 in FinEfficiency (the
     smoothed thrust comes sooner to the demand: that is the task); other last 15 steps 1.1 and 4.5
     (the last stroke is paid by the step after; the hull glides). Kicks of power in one step of
-    eight paid in FinEfficiency while its power term was clipped at -1.5, as it was in this search;
-    it no longer is. Fast sinusoids, chatter, holding, the single stroke and the kicks are tests
+    eight paid in FinEfficiency while its power term was clipped at -1.5; it no longer is. Fast sinusoids, chatter, holding, the single stroke and the kicks are tests
     (env-core/tests/fin_env.rs).
 
     That holds for the stiffness of the defaults. The fin's wet bending mode is at 11.8 Hz times the
