@@ -95,7 +95,8 @@ class FinEnv(RodEnv):
     steps earn 0.5 more in FinThrust, 4 in FinSwim (sooner at speed), 14 in FinEfficiency (the
     smoothed thrust comes sooner to the demand: that is the task); other last 15 steps 1.1 and 4.5
     (the last stroke is paid by the step after; the hull glides). Kicks of power in one step of
-    eight paid in FinEfficiency while its power term was clipped at -1.5; it no longer is. Fast sinusoids, chatter, holding, the single stroke and the kicks are tests
+    eight paid in FinEfficiency while its power term was clipped at -1.5; it no longer is. Fast
+    sinusoids, chatter, holding, the single stroke and the kicks are tests
     (env-core/tests/fin_env.rs).
 
     That holds for the stiffness of the defaults. The fin's wet bending mode is at 11.8 Hz times the
