@@ -17,7 +17,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 FUZZ_SECONDS ?= 600
 SOAK_MINUTES ?= 30
 
-.PHONY: help demo test lint lint-rust lint-python test-rust test-python test-oldest extension bench scores clean
+.PHONY: help demo test lint lint-rust lint-python test-rust test-python test-oldest extension bench scores controllers clean
 .PHONY: venv set-up
 .PHONY: server test-remote bench-remote soak fuzz ray bench-ray
 
@@ -105,6 +105,9 @@ bench-ray: extension ## long: a study on one worker and on two
 
 bench: extension ## speed beside other simulators (installed ones): refreshes docs/performance/
 	$(BIN)/rodgym bench --runs docs --name performance $(ARGS)
+
+controllers: extension ## long: every claim of the controllers on 100 seeds, writes docs/controllers.md
+	$(BIN)/python tests/long/controllers.py
 
 scores: extension ## long: trains on several seeds and writes docs/scores.md
 	$(BIN)/python tests/long/scores.py

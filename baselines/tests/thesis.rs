@@ -16,13 +16,23 @@ struct Outcome {
 }
 
 fn run(width: f64, observes: bool, noise: ProcessNoise, duration: f64) -> Outcome {
+    run_thesis(width, observes, false, noise, duration)
+}
+
+fn run_thesis(
+    width: f64,
+    observes: bool,
+    latches: bool,
+    noise: ProcessNoise,
+    duration: f64,
+) -> Outcome {
     let rod = RodDesign { width, bending_damping: 0.0, ..RodDesign::default() };
     let serde_json::Value::Object(keywords) = json!({"width": width, "thesis": true}) else {
         unreachable!()
     };
     let mut sim = Simulation::new(&keywords).unwrap();
     assert_eq!(sim.physics_dt(), 1e-4);
-    let mut controller = ThesisRun::new(ThesisDesign::new(&rod, noise).unwrap(), observes);
+    let mut controller = ThesisRun::new(ThesisDesign::new(&rod, noise).unwrap(), observes, latches);
     let (mut switched, mut largest) = (f64::NAN, 0f64);
     while sim.time() < duration - 5e-5 {
         let start = sim.time();
@@ -60,7 +70,9 @@ fn the_linear_observer_does_not_catch_the_rod() {
         let rod = RodDesign { bending_damping: 0.0, ..RodDesign::default() };
         let design = ThesisDesign::new(&rod, noise).unwrap();
         assert!(spectral_abscissa(&design.error_dynamics()) < 0.0);
-        let outcome = run(0.007, true, noise, 2.5);
-        assert!(outcome.end < 2.5 || outcome.error > 0.1, "{noise:?} caught it");
+        for latches in [false, true] {
+            let outcome = run_thesis(0.007, true, latches, noise, 2.5);
+            assert!(outcome.end < 2.5 || outcome.error > 0.1, "{noise:?} {latches} caught it");
+        }
     }
 }

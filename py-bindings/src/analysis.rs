@@ -2,13 +2,18 @@
 
 use crate::baselines::raise_baseline;
 use crate::convert::to_map;
+use crate::riccati::write;
+use numpy::PyArray2;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use rodgym_baselines::pendulum::{RodDesign, buckling_width, discrete_buckling_width, reach};
+use rodgym_baselines::pendulum::{
+    RodDesign, buckling_width, discrete_buckling_width, reach, upright as linear_model,
+};
 
 /// Adds this file's functions to the module.
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
-    module.add_function(wrap_pyfunction!(analyse, module)?)
+    module.add_function(wrap_pyfunction!(analyse, module)?)?;
+    module.add_function(wrap_pyfunction!(upright, module)?)
 }
 
 /// How well a rod is moved and seen from its base about up, without units, and when it buckles.
@@ -29,4 +34,21 @@ fn analyse<'py>(py: Python<'py>, rod: &Bound<'py, PyDict>) -> PyResult<Bound<'py
     out.set_item("buckling_width", buckling_width(&design))?;
     out.set_item("discrete_buckling_width", discrete_buckling_width(&design))?;
     Ok(out)
+}
+
+type Matrix<'py> = Bound<'py, PyArray2<f64>>;
+
+/// The inextensible rod about up, thesis (4.9)-(4.12) and (4.18), bending damping and drag included:
+/// A (2n, 2n), B (2n, 1), C (2, 2n) of z' = A z + B T, y = C z.
+///
+/// `rod`: keywords of the rod; the others keep their defaults. z: angles of the n edges from up [rad],
+/// then their rates [rad/s]; T: base torque [N m]; y: base angle and rate.
+#[pyfunction]
+fn upright<'py>(
+    py: Python<'py>,
+    rod: &Bound<'py, PyDict>,
+) -> PyResult<(Matrix<'py>, Matrix<'py>, Matrix<'py>)> {
+    let design = RodDesign::from_config(&to_map(rod)?).map_err(raise_baseline)?;
+    let model = linear_model(&design);
+    Ok((write(py, &model.a)?, write(py, &model.b)?, write(py, &model.c)?))
 }

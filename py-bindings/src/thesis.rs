@@ -30,13 +30,13 @@ struct Record {
 
 /// Runs thesis chapter 4 from hanging at rest: swing-up, switch at 60 degrees, linear law solved inside
 /// the implicit step. `feedback` is "state" or "output"; `process_noise` is "torque" or "state", the
-/// two readings of Q_n. Samples every `every` steps.
+/// two readings of Q_n; an observer that `latches` stays on beyond 60 degrees. Samples every `every` steps.
 ///
 /// Returns a dictionary of arrays with T samples: `time` [s], `torque` [N m], `linear` (the law
 /// acted), `angles` and `rates` (T, edges), `estimate` of z (T, 2 edges; NaN while the observer is off),
 /// `positions` (T, nodes, 2); and `lost`, whether the solver gave up before the end.
 #[pyfunction]
-#[pyo3(signature = (rod, feedback="state", duration=3.0, every=10, process_noise="torque"))]
+#[pyo3(signature = (rod, feedback="state", duration=3.0, every=10, process_noise="torque", latches=false))]
 fn thesis_run<'py>(
     py: Python<'py>,
     rod: &Bound<'py, PyDict>,
@@ -44,6 +44,7 @@ fn thesis_run<'py>(
     duration: f64,
     every: usize,
     process_noise: &str,
+    latches: bool,
 ) -> PyResult<Bound<'py, PyDict>> {
     let refuse = |name: &str, value: &str, allowed: &str| {
         let message = format!("{name} = {value} is not allowed: it must be {allowed}");
@@ -73,7 +74,7 @@ fn thesis_run<'py>(
         .map_err(raise_baseline)?;
     let steps = (duration / sim.physics_dt()).round() as usize;
     let (record, lost) = py
-        .detach(|| record(&mut sim, ThesisRun::new(design, observes), steps, every))
+        .detach(|| record(&mut sim, ThesisRun::new(design, observes, latches), steps, every))
         .map_err(raise_baseline)?;
     let (samples, nodes) = (record.time.len(), sim.nodes());
     let edges = nodes - 1;

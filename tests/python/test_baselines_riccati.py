@@ -3,6 +3,7 @@
 import control
 import numpy as np
 import pytest
+import rodgym.baselines
 import scipy.linalg
 from rodgym.baselines import care, dare
 from rodgym.errors import DesignError, ParameterError, ShapeError
@@ -76,3 +77,54 @@ def test_what_has_no_solution_is_refused():
         care(identity, out_of_reach, np.eye(3), np.eye(1))
     with pytest.raises(ParameterError, match="positive definite"):
         dare(identity, out_of_reach, identity, -np.eye(1))
+
+
+def badly_scaled(seed):
+    """States in units up to six powers of ten apart, poles up to 100, weights up to 1e8 apart."""
+    rng = np.random.default_rng(seed)
+    n, m = rng.integers(2, 13), rng.integers(1, 4)
+    unit = 10.0 ** rng.uniform(-3, 3, n)
+    a = rng.normal(size=(n, n)) * 10 ** rng.uniform(-1, 2) / np.sqrt(n)
+    q = np.diag(10.0 ** rng.uniform(-3, 3, n) / unit**2)
+    r = np.eye(m) * 10.0 ** rng.uniform(-4, 4)
+    return a * unit[:, None] / unit, rng.normal(size=(n, m)) * unit[:, None], q, r, unit
+
+
+def test_badly_scaled_systems_are_solved_or_refused_never_answered_wrongly():
+    refused = 0
+    for seed in range(100):
+        a, b, q, r, unit = badly_scaled(seed)
+        try:
+            p, k = care(a, b, q, r)
+        except DesignError:
+            refused += 1
+            continue
+        side = p @ b
+        moved = a.T @ p
+        residual = moved + moved.T - side @ np.linalg.solve(r, side.T) + q
+        # In units in which every state counts alike.
+        scale = unit[:, None] * unit
+        assert np.linalg.norm(residual * scale) < 1e-6 * np.linalg.norm(moved * scale)
+        assert np.max(np.linalg.eigvals(a - b @ k).real) < 0
+        expected = scipy.linalg.solve_continuous_are(a, b, q, r)
+        gain = np.linalg.solve(r, b.T @ expected)
+        assert np.linalg.norm((k - gain) * unit) < 1e-3 * np.linalg.norm(gain * unit)
+    assert refused <= 3
+
+
+@pytest.mark.parametrize("width", [0.005, 0.006, 0.007, 0.009, 0.012])
+@pytest.mark.parametrize("nodes", [5, 7, 10])
+def test_rods_are_solved_as_scipy_solves_them(width, nodes):
+    """The thesis' own cheap-control problem: closed-loop poles from 1 to 15000 1/s."""
+    a, b, c = rodgym.baselines.upright({"width": width, "nodes": nodes, "bending_damping": 0.0})
+    n = nodes - 1
+    q, r = np.diag([100.0] * n + [0.01] * n), np.eye(1)
+    k = care(a, b, q, r)[1]
+    expected = (b.T @ scipy.linalg.solve_continuous_are(a, b, q, r)) / r
+    assert np.allclose(k, expected, rtol=1e-3, atol=1e-4 * np.abs(expected).max())
+    assert np.max(np.linalg.eigvals(a - b @ k).real) < 0
+    # The observer's equation is the regulator's of the transposed system.
+    observer = care(a.T, c.T, 1e-3 * b @ b.T, np.eye(2))[1].T
+    model = control.ss(a, b, c, np.zeros((2, 1)))
+    wanted = control.lqe(model, np.array([[1e-3]]), np.eye(2))[0]
+    assert np.allclose(observer, wanted, rtol=1e-3, atol=1e-4 * np.abs(wanted).max())

@@ -107,6 +107,39 @@ def test_a_stacked_policy_sees_the_past_of_its_own_episode_only() -> None:
     assert seen[2].tolist() == [[1, 2, 3], [0, 0, 30]]
 
 
+def test_an_agent_sees_its_own_actions_in_training_as_in_evaluation() -> None:
+    """The same numbers reach the network whether the training or the evaluation stacks them."""
+    from rodgym.training import load_recipe
+    from rodgym.training.trainer import make_training_env
+
+    env_id = "rodgym/PendulumSwingUpBase-v0"
+    recipe = load_recipe(env_id).with_changes({"n_envs": 2, "frame_stack": 3, "own_actions": True})
+    kwargs = {"max_episode_steps": 5}
+    training = make_training_env(env_id, recipe, 0, kwargs)
+    bare = rodgym.sb3.make_vec_env(env_id, 2, 0, env_kwargs=kwargs)
+
+    class Echo:
+        def predict(self, observation, state=None, episode_start=None, deterministic=False):
+            seen.append(observation.copy())
+            return actions[len(seen) - 1], None
+
+    seen: list[np.ndarray] = []
+    actions = np.random.default_rng(0).uniform(-1, 1, (12, 2, 1)).astype(np.float32)
+    policy = Stacked(Echo(), 3, own_actions=1)
+    stacked, observation = training.reset(), bare.reset()
+    state, start = None, np.ones(2, bool)
+    for action in actions:
+        _, state = policy.predict(observation, state, start)
+        assert np.array_equal(seen[-1], stacked)
+        stacked, _, _, infos = training.step(action)
+        observation, _, start, _ = bare.step(action)
+        for info in infos:
+            if "terminal_observation" in info:
+                assert info["terminal_observation"].shape == (12,)
+    assert seen[5][0, :8].tolist() == [0.0] * 8 and seen[6][0, 7] == 0.0
+    assert seen[6][0, 11] == actions[5, 0, 0]
+
+
 def test_compare_trains_and_leaves_everything_in_the_run_folder(
     capsys: pytest.CaptureFixture[str],
 ) -> None:

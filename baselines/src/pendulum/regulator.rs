@@ -42,6 +42,9 @@ pub struct Regulator {
     gain: DVector<f64>,
     cost: DMatrix<f64>,
     up: Vec<f64>,
+    /// Row that takes the swing's rate out of the coordinates' rates: angular momentum of the straight
+    /// rod about its pivot, over its inertia. Bending has none of it.
+    swing: Vec<f64>,
     up_energy: f64,
     limit: f64,
     patience: f64,
@@ -75,6 +78,7 @@ impl Regulator {
             up_energy: chain.energy(&up).total(),
             limit: rod.torque_limit.min(enough),
             patience: PATIENCE * libm::sqrt(rod.length / rod.gravity.max(1e-3)),
+            swing: chain.coordinates_of(&swing_shares(rod.edges())),
             weak: rod.torque_limit < WEAK * weight,
             up,
             chain,
@@ -120,15 +124,21 @@ impl Regulator {
 
     /// Pushes with the motion as long as energy is missing, against it where there is too much.
     fn pump(&self, state: &[f64]) -> f64 {
-        let k = self.chain.coordinates();
         let energy = self.chain.energy(state).total();
         let missing = 1.0 + SURPLUS - energy / self.up_energy;
-        // The straight rod's share of the motion.
-        let rates = &state[k..];
-        let mean: f64 = self.up[..k].iter().zip(rates).map(|(u, r)| u * r).sum::<f64>()
-            / (PI * self.chain.edges() as f64);
-        // At rest any direction will do.
-        let along = if mean.abs() < 0.05 { 1.0 } else { mean / (1.0 + mean.abs()) };
+        let rates = &state[self.chain.coordinates()..];
+        let rate: f64 = self.swing.iter().zip(rates).map(|(s, r)| s * r).sum();
+        // At rest any direction will do. (Up to where the rod moves by itself only: a push of one
+        // direction below some rate would hold a heavy rod where the pushes balance its weight.)
+        let along = if rate.abs() < 1e-3 { 1.0 } else { rate / (1.0 + rate.abs()) };
         (self.limit * missing * along).clamp(-self.limit, self.limit)
     }
+}
+
+/// Share of each edge's rate in the angular momentum of a straight chain about its pivot; they sum to 1.
+fn swing_shares(edges: usize) -> Vec<f64> {
+    let lever = |node: usize| node as f64 * if node == edges { 0.5 } else { 1.0 };
+    let beyond: Vec<f64> = (1..=edges).map(|first| (first..=edges).map(lever).sum()).collect();
+    let all: f64 = beyond.iter().sum();
+    beyond.iter().map(|b| b / all).collect()
 }

@@ -96,13 +96,15 @@ pub struct ThesisStep {
 pub struct ThesisRun {
     design: ThesisDesign,
     observes: bool,
+    latches: bool,
     estimate: Option<DVector<f64>>,
 }
 
 impl ThesisRun {
-    /// State feedback, or output feedback through the observer.
-    pub fn new(design: ThesisDesign, observes: bool) -> Self {
-        ThesisRun { design, observes, estimate: None }
+    /// State feedback, or output feedback through the observer. The text leaves open whether the linear
+    /// law goes off again beyond 60 degrees; an observer that `latches` stays on once it was.
+    pub fn new(design: ThesisDesign, observes: bool, latches: bool) -> Self {
+        ThesisRun { design, observes, latches, estimate: None }
     }
 
     /// One physics step. On or off is decided from the state at its start, the swing-up's torque is
@@ -112,7 +114,8 @@ impl ThesisRun {
     /// The implicit step failed even in its smallest parts.
     pub fn step(&mut self, sim: &mut Simulation) -> Result<ThesisStep> {
         let (angle, rate) = base(sim);
-        if angle.abs() >= SWITCH_ANGLE {
+        let stays = self.latches && self.estimate.is_some();
+        if angle.abs() >= SWITCH_ANGLE && !stays {
             self.estimate = None;
             let time = sim.time() + sim.physics_dt();
             let torque = SWING_AMPLITUDE * libm::cos(self.design.swing_frequency * time);

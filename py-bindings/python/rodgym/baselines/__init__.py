@@ -6,7 +6,7 @@
 The control laws are Rust (crate rodgym-baselines); this package gives them NumPy arrays.
 """
 
-from rodgym._native import analyse, care, dare, thesis_run
+from rodgym._native import analyse, care, dare, thesis_run, upright
 from rodgym.baselines.controller import (
     CONTROLLERS,
     Controller,
@@ -33,4 +33,5 @@ __all__ = [
     "dare",
     "make",
     "thesis_run",
+    "upright",
 ]

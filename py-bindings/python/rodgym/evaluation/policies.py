@@ -73,12 +73,14 @@ class Zero:
 class Stacked:
     """A policy that sees the last ``depth`` observations, oldest first, as it did in training.
 
+    With ``own_actions`` (n numbers) each observation is followed by the action that led to it.
     Before an episode's first observation there are zeros (``VecFrameStack`` of Stable-Baselines3).
     """
 
-    def __init__(self, policy: Policy, depth: int) -> None:
+    def __init__(self, policy: Policy, depth: int, own_actions: int = 0) -> None:
         self.policy = policy
         self.depth = depth
+        self.own_actions = own_actions
 
     def predict(
         self,
@@ -88,18 +90,21 @@ class Stacked:
         deterministic: bool = False,
     ) -> tuple[Any, tuple[Any, ...]]:
         batch = np.atleast_2d(observation)
-        size = batch.shape[1]
+        size = batch.shape[1] + self.own_actions
         if state is None:
             past = np.zeros((len(batch), (self.depth - 1) * size), batch.dtype)
+            last = np.zeros((len(batch), self.own_actions), batch.dtype)
         else:
-            past = state[0].copy()
+            past, last = (part.copy() for part in state)
             if episode_start is not None:
                 past[np.atleast_1d(episode_start)] = 0
-        seen = np.concatenate([past, batch], axis=1)
+                last[np.atleast_1d(episode_start)] = 0
+        seen = np.concatenate([past, batch, last], axis=1)
         action, _ = self.policy.predict(
             seen if observation.ndim == 2 else seen[0], deterministic=deterministic
         )
-        return action, (seen[:, size:],)
+        last = np.atleast_2d(action)[:, : self.own_actions]
+        return action, (seen[:, size:], last)
 
 
 def controller_names() -> list[str]:
@@ -179,10 +184,12 @@ def _load_trained(path: Path, env: AnyEnv) -> Policy:
     depth = int(card.get("frame_stack", 1))
     space: Any = getattr(env, "single_observation_space", env.observation_space)
     action_space: Any = getattr(env, "single_action_space", env.action_space)
-    seen = model.observation_space.shape[0] // depth
+    own_actions = model.action_space.shape[0] if card.get("own_actions") else 0
+    seen = model.observation_space.shape[0] // depth - own_actions
     if seen != space.shape[0] or model.action_space.shape != action_space.shape:
         raise PolicyError(
             f"{path} was trained in {card['env']} and sees {seen} numbers; "
             f"this environment shows {space.shape[0]}"
         )
-    return Stacked(model, depth) if depth > 1 else model  # type: ignore[no-any-return]
+    stacked = depth > 1 or own_actions
+    return Stacked(model, depth, own_actions) if stacked else model  # type: ignore[no-any-return]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -29,11 +30,12 @@ def draw(study: Study, rows: Rows, path: Path) -> None:
     panels = _distinct(rows, asked.get("panel"))
     with styled():
         import matplotlib.pyplot as plt
+        from matplotlib.ticker import MaxNLocator
 
         figure, axes = plt.subplots(
             1, len(panels), figsize=(1.2 + 4.2 * len(panels), 3.9), squeeze=False, sharey=True
         )
-        figure.suptitle(study.title, fontweight="bold")
+        figure.suptitle(fill(study.title, 40 + 45 * (len(panels) - 1)), fontweight="bold")
         drawn: Any = None
         limits = _limits(rows, asked["value"])
         for axis, panel in zip(axes[0], panels, strict=True):
@@ -43,6 +45,7 @@ def draw(study: Study, rows: Rows, path: Path) -> None:
                 drawn = _map(axis, part, asked, limits)
             else:
                 _lines(axis, part, asked)
+            axis.xaxis.set_major_locator(MaxNLocator(6))
         axes[0][0].set_ylabel(asked.get("y", asked["value"]))
         if drawn is not None:
             figure.colorbar(drawn, ax=list(axes[0]), label=asked["value"])

@@ -32,6 +32,7 @@ class Recipe:
     n_envs: environments in the batch
     policy: policy class of the algorithm
     frame_stack: observations that the policy sees at once
+    own_actions: whether it sees, beside each of them, the action that led to it
     hyperparams: further keywords of the algorithm; ``lin_0.001`` falls linearly to zero
     """
 
@@ -40,6 +41,7 @@ class Recipe:
     n_envs: int = 64
     policy: str = "MlpPolicy"
     frame_stack: int = 1
+    own_actions: bool = False
     hyperparams: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -49,6 +51,8 @@ class Recipe:
             value = getattr(self, name)
             if not isinstance(value, int) or value < 1:
                 raise RecipeError(f"{name} = {value!r} must be a whole number of at least 1")
+        if not isinstance(self.own_actions, bool):
+            raise RecipeError(f"own_actions = {self.own_actions!r} must be true or false")
 
     def with_changes(self, changes: Mapping[str, Any]) -> Recipe:
         """Returns this recipe with some values changed; unknown names are hyperparameters."""
@@ -73,7 +77,7 @@ class Recipe:
         return {**{name: getattr(self, name) for name in OWN}, **self.hyperparams}
 
 
-OWN = ("algorithm", "n_timesteps", "n_envs", "policy", "frame_stack")
+OWN = ("algorithm", "n_timesteps", "n_envs", "policy", "frame_stack", "own_actions")
 
 
 def schedule(value: Any) -> Any:

@@ -22,6 +22,7 @@ import rodgym.sb3
 from rodgym.evaluation import evaluate
 from rodgym.evaluation.policies import CARD, Policy, Stacked
 from rodgym.runs import Run, versions, write_csv
+from rodgym.training.own_actions import OwnActions
 from rodgym.training.progress import Bar, interrupt_flag
 from rodgym.training.recipe import Recipe, RecipeError, load_recipe
 
@@ -56,6 +57,7 @@ def make_training_env(
 ) -> VecEnv:
     """The native batch as Stable-Baselines3 wants it, with the returns of episodes recorded."""
     env = rodgym.sb3.make_vec_env(env_id, recipe.n_envs, seed, env_kwargs=dict(env_kwargs))
+    env = OwnActions(env) if recipe.own_actions else env
     return VecFrameStack(env, recipe.frame_stack) if recipe.frame_stack > 1 else env
 
 
@@ -100,6 +102,7 @@ def train(
         "env_kwargs": kwargs,
         "algorithm": recipe.algorithm,
         "frame_stack": recipe.frame_stack,
+        "own_actions": recipe.own_actions,
         "recipe": recipe.as_dict(),
         "seed": seed,
         "steps": model.num_timesteps,
@@ -142,7 +145,7 @@ class Watch(BaseCallback):
         super().__init__()
         self.env_id = env_id
         self.env_kwargs = env_kwargs
-        self.depth = recipe.frame_stack
+        self.recipe = recipe
         self.every = max(1, recipe.n_timesteps // VALIDATIONS)
         self.bar = bar
         self.interrupted = interrupted
@@ -171,7 +174,9 @@ class Watch(BaseCallback):
     def validate(self) -> None:
         """Plays the validation seeds with the present stage of the agent."""
         model: Policy = self.model  # type: ignore[assignment]
-        actor = Stacked(model, self.depth) if self.depth > 1 else model
+        depth, own = self.recipe.frame_stack, self.recipe.own_actions
+        actions = int(self.model.action_space.shape[0]) if own else 0  # type: ignore[index]
+        actor = Stacked(model, depth, actions) if depth > 1 or own else model
         result = evaluate(actor, self.env_id, VALIDATION_SEEDS, env_kwargs=self.env_kwargs)
         returns = result.columns["return"]
         upright = result.columns.get("upright", np.array([np.nan])).mean()
