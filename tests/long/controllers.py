@@ -1,6 +1,7 @@
 """What the classical controllers are held to: `make controllers`.
 
-Plays every claim on 100 seeds (`--seeds`), times `predict`, prints a table, and writes it to docs/controllers.md (`--page`). Ends with an error if a claim does not hold.
+Plays every claim on 100 seeds (`--seeds`), times `predict`, prints a table, and writes it to
+docs/controllers.md (`--page`). Ends with an error if a claim does not hold.
 """
 
 from __future__ import annotations
@@ -194,8 +195,8 @@ are is in [baselines.md](baselines.md).
 *Upright*, *time*, *torque* and *sway* are those of `rodgym evaluate`, which plays the same
 episodes: `rodgym evaluate lqg --env rodgym/PendulumSwingUpBase-v0 --env-arg nodes=31 --env-arg
 'sensor_noise={{"angle": 1e-3, "rate": 1e-2}}'`. Lost samples are drawn at random, each
-environment for itself. A wrong first estimate turns the whole rod that the filter believes in, while the filter is
-as sure of it as of a right one.
+environment for itself. A wrong first estimate turns the whole rod that the filter believes in; the
+filter is as sure of it as of a right one.
 
 CPU time of one `predict` call, from Python:
 

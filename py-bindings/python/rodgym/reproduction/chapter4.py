@@ -169,10 +169,11 @@ def controllability(folder: Path) -> Finding:
     return Finding(
         "Section 5.2",
         "future work: controllability against aspect ratio and flexural stiffness",
-        f"12 states, ranks from {min(found_ranks)} to {max(found_ranks)}, full down to {whole:.2f} of the "
-        "buckling width. Aspect ratio and stiffness enter through one number, E I / (rho A g L^3), "
-        "which is the width over the buckling width, squared; above it the whole rod is within reach of the "
-        "base motor, below it one mode after the other fades, by ten powers of ten at half of it",
+        f"12 states, ranks from {min(found_ranks)} to {max(found_ranks)}, full down to {whole:.2f} "
+        "of the buckling width. Aspect ratio and stiffness enter through one number, E I / "
+        "(rho A g L^3), that is width over buckling width; above it the whole rod is within "
+        "reach of the base motor, below it one mode after the other fades, by ten powers of ten at "
+        "half of it",
         "partly: answered for the linear model about up, from the base motor",
         "controllability.png",
     )
