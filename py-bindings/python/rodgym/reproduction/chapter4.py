@@ -193,13 +193,13 @@ def _draw_reach(table: Any, path: Path) -> None:
         SLENDERNESS, MODULI, weakest.T, levels=levels, cmap="cividis", extend="both"
     )
     figure.colorbar(drawn, ax=plane, label="log10 of smallest / largest Hankel value")
-    edge = plane.contour(SLENDERNESS, MODULI, share.T, levels=[1.0], colors="white")
-    plane.clabel(edge, fmt="buckles below", fontsize=9)
+    plane.contour(SLENDERNESS, MODULI, share.T, levels=[1.0], colors="white")
+    plane.annotate("white: buckling width", (62, 4e7), color=INK, fontsize=9)
     for width in WIDTHS:
         plane.plot(0.3 / width, 1e7, "o", color="white", mec=INK, ms=6)
         plane.annotate(
             f"{1e3 * width:g}", (0.3 / width, 1e7), (0, 7), textcoords="offset points", ha="center",
-            color="white", fontsize=8,
+            color=INK, fontsize=8,
         )  # fmt: skip
     plane.set(yscale="log", xlabel="length / width", ylabel="Young's modulus [Pa]")
     plane.set_title("Weakest direction; dots: rods of the thesis [mm]")
@@ -213,7 +213,7 @@ def _draw_reach(table: Any, path: Path) -> None:
     curve.axvline(1.0, color=FAINT, linestyle="--")
     curve.annotate(" buckling width", (1.0, 2 * FLOOR), color=INK, fontsize=9)
     curve.set(xlabel="width / buckling width", ylabel="Hankel value / largest", ylim=(FLOOR, 2))
-    curve.set_title("All twelve, every rod of the map on one set of curves")
+    curve.set_title("All twelve, every rod of the map")
     figure.savefig(path)
     plt.close(figure)
 
