@@ -43,7 +43,8 @@ def test_the_free_swing_loses_the_energy_of_backward_euler(chapter4):
 def test_state_feedback_switches_and_stands_as_found(chapter4):
     folder, findings = chapter4
     assert "0.638 s" in findings["Fig. 4.3"] and "stands" in findings["Fig. 4.3"]
-    seven, between, nine = findings["Fig. 4.4"].split("; ")
+    seven, between, nine, others = findings["Fig. 4.4"].split("; ")
+    assert others == "of other widths 7.5, 8.5, 10 mm stand and 4, 5, 5.5, 6, 6.5 mm do not"
     assert "7 mm stands" in seven and "8.1 mm is lost" in between and "9 mm stands" in nine
     last = [row for row in rows(folder / "fig4_4.csv") if row["width"] == "0.007"][-1]
     assert float(last["time"]) == pytest.approx(3.0) and float(last["angle_error"]) < 1e-6

@@ -159,13 +159,15 @@ def distributions(path: Path, evaluations: Sequence[Evaluation]) -> None:
                 axes.plot([i - 0.32, i + 0.32], [mean, mean], color=colour, lw=2.6)
             axes.set_title(column.title)
             axes.set_ylabel(column.unit)
-            axes.set_xticks(range(len(evaluations)), [e.policy for e in evaluations])
+            axes.set_xticks(
+                range(len(evaluations)), [e.policy.replace(" ", "\n") for e in evaluations]
+            )
             axes.set_xlim(-0.6, len(evaluations) - 0.4)
             axes.grid(axis="x", visible=False)
             axes.margins(y=0.15)
             axes.annotate(
                 {"high": "higher is better", "low": "lower is better"}[column.better],
-                (0.5, -0.16),
+                (0.5, -0.22),
                 xycoords="axes fraction",
                 ha="center",
                 va="top",
