@@ -5,8 +5,8 @@
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use rodgym_core::batch::Machine;
 use rodgym_core::env::{AutoresetMode, ResetOptions, Seeds, StepBuffer};
-use rodgym_core::isa::{Isa, Kernel, dispatch};
-use rodgym_core::lane::Lanes;
+use rodgym_core::isa::{ForLanes, Isa, Kernel, dispatch, with_lanes};
+use rodgym_core::lane::Real;
 use rodgym_core::pendulum::{Pendulum, Plant, Sensors, Task};
 use rodgym_core::registry::{MakeOptions, make};
 use serde_json::{Map, Value, json};
@@ -14,7 +14,6 @@ use std::hint::black_box;
 
 const ID: &str = "rodgym/PendulumSwingUp-v0";
 const ENVS: usize = 1024;
-const LANES: usize = 8;
 
 fn variants() -> [(&'static str, Value); 4] {
     [
@@ -30,14 +29,26 @@ fn map(value: &Value) -> Map<String, Value> {
 }
 
 /// A control step of a block of plants without observation, reward, clock or reset.
-struct Bare<'a>(&'a mut Plant<Lanes<LANES>>, &'a Pendulum);
+struct Bare<'a, R: Real>(&'a mut Plant<R>, &'a Pendulum);
 
-impl Kernel for Bare<'_> {
+impl<R: Real> Kernel for Bare<'_, R> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
-        let action = Lanes([0.1, -0.3, 0.5, -0.7, 0.9, -0.2, 0.4, 0.0]);
-        black_box(self.0.control_step(self.1.config(), action, Lanes([0.0; LANES])));
+        let action = R::from_fn(|lane| [0.1, -0.3, 0.5, -0.7, 0.9, -0.2, 0.4, 0.0][lane]);
+        black_box(self.0.control_step(self.1.config(), action, R::zero()));
+    }
+}
+
+/// Plants in blocks of lanes, as a function that steps them all once.
+struct Blocks(Pendulum, Isa);
+
+impl ForLanes for Blocks {
+    type Output = Box<dyn FnMut()>;
+    fn make<R: Real>(self) -> Self::Output {
+        let Blocks(machine, isa) = self;
+        let mut plants = vec![machine.new_plant::<R>(); ENVS / R::LANES];
+        Box::new(move || plants.iter_mut().for_each(|p| dispatch(isa, Bare(p, &machine))))
     }
 }
 
@@ -46,12 +57,9 @@ fn physics(criterion: &mut Criterion) {
     group.throughput(Throughput::Elements(ENVS as u64)).sample_size(10);
     for (name, kwargs) in variants() {
         let machine = Pendulum::new(ID, Task::SwingUp, Sensors::Full, &map(&kwargs)).unwrap();
-        let mut plants = vec![machine.new_plant(); ENVS / LANES];
-        group.bench_function(name, |b| {
-            b.iter(|| {
-                plants.iter_mut().for_each(|p| dispatch(Isa::current(), Bare(p, &machine)));
-            });
-        });
+        let isa = Isa::current().unwrap();
+        let mut step = with_lanes(isa, Blocks(machine, isa));
+        group.bench_function(name, |b| b.iter(&mut step));
     }
 }
 

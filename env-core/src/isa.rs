@@ -1,9 +1,13 @@
 //! Which vector instructions the lanes use, chosen when the program runs.
 //!
-//! The physics is compiled once for each instruction set from the same generic source: everything
-//! below a `Kernel::run` is `#[inline(always)]`, so it takes on the features of the function that it is
-//! inlined into. Results do not depend on the choice (no fused or approximate operation is used).
+//! The physics is compiled once for each instruction set from the same generic source: `with_lanes` names the number
+//! type, and everything below a `Kernel::run` is `#[inline(always)]`, so it takes on the features of the function
+//! that it is inlined into. Results do not depend on the choice (no fused or approximate operation is used).
 
+use crate::error::{Error, Result};
+#[cfg(target_arch = "x86_64")]
+use crate::lane::x86::{Avx2, Avx512};
+use crate::lane::{Lanes, Real};
 use std::sync::OnceLock;
 
 /// An instruction set for the lanes.
@@ -42,16 +46,27 @@ impl Isa {
         found
     }
 
-    /// The set in use: the fastest available one, or the one that `RODGYM_ISA` names
-    /// (`baseline`, `avx2`, `avx512`; an unknown or unavailable name is ignored).
+    /// The set in use: the fastest available one, or the one that the environment variable `RODGYM_ISA` names.
     /// Read once, at first use.
-    pub fn current() -> Isa {
-        static CHOICE: OnceLock<Isa> = OnceLock::new();
-        *CHOICE.get_or_init(|| {
-            let available = Isa::available();
-            let wanted = std::env::var("RODGYM_ISA").unwrap_or_default();
-            let forced = available.iter().copied().find(|isa| isa.name() == wanted);
-            forced.unwrap_or(*available.last().expect("the baseline is always there"))
+    ///
+    /// # Errors
+    /// A name in `RODGYM_ISA` that is not one of an available set.
+    pub fn current() -> Result<Isa> {
+        static CHOICE: OnceLock<Result<Isa>> = OnceLock::new();
+        let choose = || Isa::named(&std::env::var("RODGYM_ISA").unwrap_or_default());
+        CHOICE.get_or_init(choose).clone()
+    }
+
+    /// The available set of that name; the fastest one for no name at all.
+    fn named(name: &str) -> Result<Isa> {
+        let available = Isa::available();
+        if name.is_empty() {
+            return Ok(*available.last().expect("the baseline is always there"));
+        }
+        available.iter().copied().find(|isa| isa.name() == name).ok_or_else(|| {
+            let names: Vec<_> = available.iter().map(|isa| format!("'{}'", isa.name())).collect();
+            let allowed = format!("one of {} on this machine, or unset", names.join(", "));
+            Error::parameter("RODGYM_ISA", name, allowed)
         })
     }
 }
@@ -63,6 +78,30 @@ fn has_avx512() -> bool {
         && is_x86_feature_detected!("avx512vl")
         && is_x86_feature_detected!("avx512dq")
         && is_x86_feature_detected!("avx512bw")
+}
+
+/// Something to be made for one of the number types that stand for eight environments.
+pub trait ForLanes {
+    /// What is made.
+    type Output;
+    /// Makes it for numbers of type `R`.
+    fn make<R: Real>(self) -> Self::Output;
+}
+
+/// Makes something for the number type that suits the instruction set. What is done with it later must run with
+/// that set, too: see `dispatch`.
+///
+/// # Panics
+/// When this machine lacks the instruction set.
+pub fn with_lanes<T: ForLanes>(isa: Isa, what: T) -> T::Output {
+    assert!(Isa::available().contains(&isa), "this machine has no {}", isa.name());
+    match isa {
+        #[cfg(target_arch = "x86_64")]
+        Isa::Avx512 => what.make::<Avx512>(),
+        #[cfg(target_arch = "x86_64")]
+        Isa::Avx2 => what.make::<Avx2>(),
+        _ => what.make::<Lanes<8>>(),
+    }
 }
 
 /// Work to be compiled for each instruction set. `run` must be `#[inline(always)]`.

@@ -1,7 +1,7 @@
 //! The promise under test: an environment's results depend on its seed and actions alone, never on the
 //! size of the batch, the number of lanes or threads, the instruction set, or a restored snapshot.
 
-use rodgym_core::batch::{Batch, BatchOptions};
+use rodgym_core::batch::{Batch, BatchOptions, in_lanes};
 use rodgym_core::env::{AutoresetMode, ResetOptions, Seeds, StepBuffer, VectorEnv};
 use rodgym_core::isa::Isa;
 use rodgym_core::lane::Lanes;
@@ -99,8 +99,8 @@ fn same_bits_for_every_instruction_set_and_lane_width() {
         let scalar =
             trace(&mut Batch::<_, f64>::new(machine.clone(), &options, Isa::Baseline), 20, 60);
         for isa in Isa::available() {
-            let mut eight = Batch::<_, Lanes<8>>::new(machine.clone(), &options, isa);
-            assert_eq!(trace(&mut eight, 20, 60), scalar, "{isa:?}, 8 lanes");
+            let mut eight = in_lanes(machine.clone(), &options, isa);
+            assert_eq!(trace(eight.as_mut(), 20, 60), scalar, "{isa:?}, 8 lanes");
             let mut four = Batch::<_, Lanes<4>>::new(machine.clone(), &options, isa);
             assert_eq!(trace(&mut four, 20, 60), scalar, "{isa:?}, 4 lanes");
         }

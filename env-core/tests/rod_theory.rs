@@ -3,7 +3,7 @@
 
 use nalgebra::{DMatrix, DVector};
 use rodgym_core::linear::Banded;
-use rodgym_core::rod::{Motion, Rod, Uniform, add_stiffness, energy, forces};
+use rodgym_core::rod::{Motion, Rod, Uniform, add_stiffness, energy, forces, linearise};
 use rodgym_core::seed::Stream;
 use rodgym_core::stepper::{Constant, Integrator, Scheme};
 use rodgym_core::vec2::Vec2;
@@ -93,6 +93,28 @@ fn stiffness_is_the_derivative_of_the_forces() {
                 assert!(close, "seed {seed} ({i}, {j}): {found} against {}", -slope);
             }
         }
+    }
+}
+
+/// Newton's method takes forces from the sweep that makes the derivative, the explicit stepper from its own.
+#[test]
+fn both_sweeps_give_the_same_forces() {
+    for nodes in [2, 3, 7, 20] {
+        let (rod, x, v) = tangled(nodes, nodes as u64);
+        let torque = 0.04;
+        let mut expected = vec![Vec2::zero(); nodes];
+        let shape = forces(&rod, &x, &v, &mut expected);
+        expected[0] -= shape.base.scale(torque);
+        expected[1] += shape.base.scale(torque);
+        let size = expected.iter().map(|f| f.dot(*f).sqrt()).fold(0.0, f64::max);
+        let mut order = vec![];
+        let found = linearise(&rod, &x, &v, torque, 300.0, |i, force, _| {
+            let gap = force - expected[i];
+            assert!(gap.dot(gap).sqrt() < 1e-13 * size, "node {i} of {nodes}: {gap:?} of {size}");
+            order.push(i);
+        });
+        assert!(order.into_iter().eq(0..nodes));
+        assert!((found.openness - shape.openness).abs() < 1e-14);
     }
 }
 

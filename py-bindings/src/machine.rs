@@ -12,8 +12,9 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 }
 
 /// The instruction set in use: the last of `INSTRUCTION_SETS`, or the one that the environment
-/// variable `RODGYM_ISA` named when it was first asked for. Results do not depend on it.
+/// variable `RODGYM_ISA` named when it was first asked for (an error where this machine has no set of that
+/// name). Results do not depend on it.
 #[pyfunction]
-fn instruction_set() -> &'static str {
-    Isa::current().name()
+fn instruction_set() -> PyResult<&'static str> {
+    Ok(Isa::current().or_raise()?.name())
 }

@@ -12,8 +12,8 @@ pub use machine::{Machine, Outcome};
 
 use crate::env::{AutoresetMode, NodeState, ResetOptions, Scene, Seeds, Spec, StepData, VectorEnv};
 use crate::error::{Error, Result};
-use crate::isa::Isa;
-use crate::lane::{Lanes, Real};
+use crate::isa::{ForLanes, Isa, with_lanes};
+use crate::lane::Real;
 use crate::snapshot::Snapshot;
 use block::{Block, ResetRows, Rules};
 use pool::Pool;
@@ -55,12 +55,27 @@ pub fn make<M: Machine>(machine: M, options: &BatchOptions) -> Result<Box<dyn Ve
     if options.max_episode_steps == Some(0) {
         return Err(Error::parameter("max_episode_steps", 0, "at least 1"));
     }
-    let isa = Isa::current();
+    let isa = Isa::current()?;
     Ok(if options.num_envs == 1 {
         Box::new(Batch::<M, f64>::new(machine, options, Isa::Baseline))
     } else {
-        Box::new(Batch::<M, Lanes<8>>::new(machine, options, isa))
+        in_lanes(machine, options, isa)
     })
+}
+
+/// Makes a batch in eight lanes with the given instruction set; options are taken as checked.
+///
+/// # Panics
+/// When this machine lacks the instruction set.
+pub fn in_lanes<M: Machine>(machine: M, options: &BatchOptions, isa: Isa) -> Box<dyn VectorEnv> {
+    struct Make<'a, M>(M, &'a BatchOptions, Isa);
+    impl<M: Machine> ForLanes for Make<'_, M> {
+        type Output = Box<dyn VectorEnv>;
+        fn make<R: Real>(self) -> Self::Output {
+            Box::new(Batch::<M, R>::new(self.0, self.1, self.2))
+        }
+    }
+    with_lanes(isa, Make(machine, options, isa))
 }
 
 fn check_count(name: &str, value: usize, most: usize) -> Result<()> {

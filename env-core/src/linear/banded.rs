@@ -1,111 +1,111 @@
-//! A banded matrix of 2 x 2 blocks and its factorisation, in lanes.
+//! A banded matrix of 2 x 2 blocks that is kept as a whole, in lanes.
 
+use super::elimination::{Ascent, Block, Descent, Front, Hook, block};
 use crate::lane::Real;
+use crate::vec2::Vec2;
 
-/// Blocks to either side of the diagonal block that may be filled: a node feels two neighbours
-/// on each side.
-const REACH: usize = 2;
-/// Half-bandwidth in rows.
-const HALF: usize = 2 * REACH + 1;
-/// Stored entries of a row.
-const ROW: usize = 2 * HALF + 1;
-
-/// A square matrix whose entries vanish beyond the half-bandwidth of 5 (two blocks of 2 x 2).
+/// A square matrix whose blocks vanish beyond the second off the diagonal.
 #[derive(Clone, Debug, Default)]
 pub struct Banded<R> {
-    rows: Vec<[R; ROW]>,
-    inverse_pivots: Vec<R>,
+    hooks: Vec<Hook<R>>,
 }
 
 impl<R: Real> Banded<R> {
     /// A zero matrix of `blocks` block rows.
     pub fn new(blocks: usize) -> Self {
-        Banded {
-            rows: vec![[R::zero(); ROW]; 2 * blocks],
-            inverse_pivots: vec![R::zero(); 2 * blocks],
-        }
+        Banded { hooks: vec![Hook::default(); blocks] }
     }
 
     /// Number of rows.
     #[inline(always)]
     pub fn size(&self) -> usize {
-        self.rows.len()
+        2 * self.hooks.len()
     }
 
     /// Sets all entries to zero.
     #[inline(always)]
     pub fn clear(&mut self) {
-        self.rows.fill([R::zero(); ROW]);
+        self.hooks.fill(Hook::default());
+    }
+
+    /// The block at (row, column), counted in blocks; at most two off the diagonal.
+    #[inline(always)]
+    fn block(&mut self, row: usize, column: usize) -> &mut Block<R> {
+        let hook = &mut self.hooks[row.min(column)];
+        if row == column {
+            &mut hook.diagonal
+        } else if column > row {
+            &mut hook.right[column - row - 1]
+        } else {
+            &mut hook.below[row - column - 1]
+        }
     }
 
     /// Adds to the 2 x 2 block at (row, column), counted in blocks; at most two blocks off the diagonal.
     #[inline(always)]
-    pub fn add_block(&mut self, row: usize, column: usize, block: [[R; 2]; 2]) {
-        let at = 2 * column + HALF - 2 * row;
-        let (upper, lower) = (2 * row, 2 * row + 1);
-        self.rows[upper][at] += block[0][0];
-        self.rows[upper][at + 1] += block[0][1];
-        self.rows[lower][at - 1] += block[1][0];
-        self.rows[lower][at] += block[1][1];
+    pub fn add_block(&mut self, row: usize, column: usize, add: Block<R>) {
+        let own = self.block(row, column);
+        *own = block(|r, c| own[r][c] + add[r][c]);
+    }
+
+    /// Adds to all blocks of a node's hook.
+    #[inline(always)]
+    pub fn add_hook(&mut self, node: usize, hook: &Hook<R>) {
+        self.add_block(node, node, hook.diagonal);
+        for off in 1..=2 {
+            if node + off < self.hooks.len() {
+                self.add_block(node, node + off, hook.right[off - 1]);
+                self.add_block(node + off, node, hook.below[off - 1]);
+            }
+        }
     }
 
     /// Replaces both rows of a block by those of the unit matrix: with 0 on the right-hand side these two
     /// unknowns stay where they are.
     #[inline(always)]
-    pub fn hold(&mut self, block: usize) {
-        for row in [2 * block, 2 * block + 1] {
-            self.rows[row] = [R::zero(); ROW];
-            self.rows[row][HALF] = R::one();
+    pub fn hold(&mut self, row: usize) {
+        let last = (row + 2).min(self.hooks.len() - 1);
+        for column in row.saturating_sub(2)..=last {
+            *self.block(row, column) = Block::default();
         }
+        *self.block(row, row) = [[R::one(), R::zero()], [R::zero(), R::one()]];
     }
 
     /// Entry at (row, column); zero outside the band.
     #[inline(always)]
     pub fn get(&self, row: usize, column: usize) -> R {
-        let at = (column + HALF).wrapping_sub(row);
-        if at < ROW { self.rows[row][at] } else { R::zero() }
+        let (i, j) = (row / 2, column / 2);
+        let hook = &self.hooks[i.min(j)];
+        let block = match (i.abs_diff(j), j > i) {
+            (0, _) => &hook.diagonal,
+            (off @ 1..=2, true) => &hook.right[off - 1],
+            (off @ 1..=2, false) => &hook.below[off - 1],
+            _ => return R::zero(),
+        };
+        block[row % 2][column % 2]
     }
 
-    /// Replaces the matrix by its factors L and U, without pivoting: an implicit step adds the masses to
-    /// the diagonal, which keeps the pivots away from zero. Where it does not, the solution is
-    /// not finite or wrong, Newton's method does not converge, and the step is retried in halves.
+    /// Eliminates all nodes in place, see `Front`.
     #[inline(always)]
     pub fn factor(&mut self) {
-        let n = self.rows.len();
-        for i in 0..n {
-            let pivot_row = self.rows[i];
-            let inverse = R::one() / pivot_row[HALF];
-            self.inverse_pivots[i] = inverse;
-            let below = HALF.min(n - 1 - i);
-            for d in 1..=below {
-                let row = &mut self.rows[i + d];
-                let factor = row[HALF - d] * inverse;
-                row[HALF - d] = factor;
-                for c in 1..=HALF {
-                    row[HALF - d + c] -= factor * pivot_row[HALF + c];
-                }
-            }
+        let mut front = Front::default();
+        for hook in &mut self.hooks {
+            *hook = front.eliminate(hook);
         }
     }
 
-    /// Solves for one right-hand side in place, after `factor`. Each sum takes its newest term last, so that
-    /// the wait for it is one multiplication and one subtraction long.
+    /// Solves for one right-hand side in place, after `factor`.
     #[inline(always)]
     pub fn solve(&self, b: &mut [R]) {
-        let n = self.rows.len();
-        for i in 1..n {
-            let mut sum = b[i];
-            for d in (1..=HALF.min(i)).rev() {
-                sum -= self.rows[i][HALF - d] * b[i - d];
-            }
-            b[i] = sum;
+        let mut descent = Descent::default();
+        for (i, hook) in self.hooks.iter().enumerate() {
+            let y = descent.pass(hook, Vec2::new(b[2 * i], b[2 * i + 1]));
+            [b[2 * i], b[2 * i + 1]] = [y.x, y.y];
         }
-        for i in (0..n).rev() {
-            let mut sum = b[i];
-            for d in (1..=HALF.min(n - 1 - i)).rev() {
-                sum -= self.rows[i][HALF + d] * b[i + d];
-            }
-            b[i] = sum * self.inverse_pivots[i];
+        let mut ascent = Ascent::default();
+        for (i, hook) in self.hooks.iter().enumerate().rev() {
+            let x = ascent.pass(&hook.right, Vec2::new(b[2 * i], b[2 * i + 1]));
+            [b[2 * i], b[2 * i + 1]] = [x.x, x.y];
         }
     }
 }

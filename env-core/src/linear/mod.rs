@@ -1,5 +1,7 @@
 //! Linear algebra in lanes: only what the implicit steppers need.
 
 mod banded;
+mod elimination;
 
 pub use banded::Banded;
+pub use elimination::{Ascent, Block, Descent, Front, Hook, block};

@@ -7,11 +7,11 @@
 
 mod energy;
 mod forces;
-mod hessian;
+mod linear;
 
 pub use energy::{Energy, curvature, energy};
 pub use forces::{Shape, forces};
-pub use hessian::add_stiffness;
+pub use linear::{add_stiffness, linearise};
 
 use crate::lane::Real;
 use crate::vec2::Vec2;
@@ -208,20 +208,22 @@ pub struct Motion<R> {
     /// Velocities \[m/s\].
     pub v: Vec<Vec2<R>>,
     /// What the stepper carries to the next step \[m/s^2\]: for Verlet the acceleration without the base
-    /// torque, for the implicit steppers the mean acceleration of the last step.
+    /// torque, for the implicit steppers that of the last stage.
     pub a: Vec<Vec2<R>>,
+    /// The acceleration of the stage before, for the implicit steppers \[m/s^2\].
+    pub a_before: Vec<Vec2<R>>,
 }
 
 impl<R: Real> Motion<R> {
     /// Memory for `nodes` nodes, all at the origin and at rest.
     pub fn new(nodes: usize) -> Self {
         let zeros = || vec![Vec2::zero(); nodes];
-        Motion { x: zeros(), v: zeros(), a: zeros() }
+        Motion { x: zeros(), v: zeros(), a: zeros(), a_before: zeros() }
     }
 
     /// Calls `f` with every number, always in the same order.
     pub fn visit(&mut self, f: &mut dyn FnMut(&mut R)) {
-        for vector in [&mut self.x, &mut self.v, &mut self.a] {
+        for vector in [&mut self.x, &mut self.v, &mut self.a, &mut self.a_before] {
             for node in vector {
                 f(&mut node.x);
                 f(&mut node.y);
@@ -235,17 +237,28 @@ impl<R: Real> Motion<R> {
         self.x.copy_from_slice(&other.x);
         self.v.copy_from_slice(&other.v);
         self.a.copy_from_slice(&other.a);
+        self.a_before.copy_from_slice(&other.a_before);
     }
 
     /// Copies one lane out.
     pub fn lane(&self, lane: usize) -> Motion<f64> {
         let pick = |v: &[Vec2<R>]| v.iter().map(|p| p.lane(lane)).collect();
-        Motion { x: pick(&self.x), v: pick(&self.v), a: pick(&self.a) }
+        Motion {
+            x: pick(&self.x),
+            v: pick(&self.v),
+            a: pick(&self.a),
+            a_before: pick(&self.a_before),
+        }
     }
 
     /// Copies a motion into one lane.
     pub fn set_lane(&mut self, lane: usize, motion: &Motion<f64>) {
-        let pairs = [(&mut self.x, &motion.x), (&mut self.v, &motion.v), (&mut self.a, &motion.a)];
+        let pairs = [
+            (&mut self.x, &motion.x),
+            (&mut self.v, &motion.v),
+            (&mut self.a, &motion.a),
+            (&mut self.a_before, &motion.a_before),
+        ];
         for (to, from) in pairs {
             for (p, q) in to.iter_mut().zip(from) {
                 p.set_lane(lane, *q);

@@ -3,12 +3,14 @@
 //! Every stage solves `M (v - v*)/h = F(x, v)` with `v = (x - x*)/h`. Backward Euler is one stage of
 //! h = dt from the old state; SDIRK2 (Alexander 1977, second order, L-stable, stiffly accurate) two
 //! stages of `h = (1 - 1/sqrt 2) dt`.
+//!
+//! A stage begins with the acceleration that a straight line through those of the last two stages gives. Where the
+//! motion is smooth that is so close that one iteration is enough.
 
-use super::verlet::base_gradient;
 use super::{Drive, FOLDED};
 use crate::lane::{Mask, Real};
-use crate::linear::Banded;
-use crate::rod::{Motion, Rod, add_stiffness, forces};
+use crate::linear::{Ascent, Block, Descent, Front};
+use crate::rod::{Motion, Rod, Shape, linearise};
 use crate::vec2::Vec2;
 
 /// Which implicit method.
@@ -22,35 +24,52 @@ pub enum Method {
 
 /// Newton iterations before a stage counts as failed.
 const ITERATIONS: usize = 12;
-/// A stage has converged when the last correction was below this share of the rod's length. Convergence is
-/// quadratic: what remains after that correction is about its square over the length of an edge, some 1e-11 of
-/// the rod's length.
-const TOLERANCE: f64 = 1e-6;
+/// A stage has converged when what remains is below this share of the rod's length. Convergence is quadratic: after a
+/// correction d (the sum over all coordinates) no more than about d^2 over the length of an edge.
+const TOLERANCE: f64 = 1e-10;
 /// 1 - 1/sqrt(2).
 const GAMMA: f64 = 0.292_893_218_813_452_4;
 
 /// Memory for the steps of one block of rods.
 #[derive(Clone, Debug, Default)]
 pub struct Workspace<R> {
-    matrix: Banded<R>,
-    force: Vec<Vec2<R>>,
+    /// Positions and velocities before the step, and those that the second stage starts from.
+    start: Vec<[Vec2<R>; 2]>,
+    second: Vec<[Vec2<R>; 2]>,
+    /// Of each node but the first, what elimination leaves.
+    rows: Vec<Row<R>>,
+    /// For torques that depend on the state: corrections at constant torque, by the torque, and its gradient.
+    at_torque: Vec<Vec2<R>>,
+    by_torque: Vec<Vec2<R>>,
     gradient: Vec<Vec2<R>>,
-    right: Vec<R>,
-    by_torque: Vec<R>,
-    origin: Motion<R>,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Row<R> {
+    right: [Block<R>; 2],
+    y: Vec2<R>,
 }
 
 impl<R: Real> Workspace<R> {
     /// Memory for rods of `nodes` nodes.
     pub fn new(nodes: usize) -> Self {
         Workspace {
-            matrix: Banded::new(nodes - 1),
-            force: vec![Vec2::zero(); nodes],
+            start: vec![[Vec2::zero(); 2]; nodes],
+            second: vec![[Vec2::zero(); 2]; nodes],
+            rows: vec![Row::default(); nodes - 1],
+            at_torque: vec![Vec2::zero(); nodes],
+            by_torque: vec![Vec2::zero(); nodes],
             gradient: vec![Vec2::zero(); nodes],
-            right: vec![R::zero(); 2 * (nodes - 1)],
-            by_torque: vec![R::zero(); 2 * (nodes - 1)],
-            origin: Motion::new(nodes),
         }
+    }
+
+    /// The motion of one lane before the last step, without what the stepper knew of its acceleration.
+    pub fn before(&self, lane: usize) -> Motion<f64> {
+        let mut motion = Motion::new(self.start.len());
+        for (i, [x, v]) in self.start.iter().enumerate() {
+            (motion.x[i], motion.v[i]) = (x.lane(lane), v.lane(lane));
+        }
+        motion
     }
 }
 
@@ -64,109 +83,150 @@ pub fn step<R: Real, D: Drive<R>>(
     dt: f64,
     work: &mut Workspace<R>,
 ) -> R::Mask {
-    work.origin.copy_from(motion);
-    let (stages, h) = match method {
-        Method::BackwardEuler => (1, dt),
-        Method::Sdirk2 => (2, GAMMA * dt),
+    for i in 0..rod.nodes() {
+        work.start[i] = [motion.x[i], motion.v[i]];
+    }
+    // Each stage's h, and its distance from the last stage over that between the last two.
+    let stages: &[(f64, f64)] = match method {
+        Method::BackwardEuler => &[(dt, 1.0)],
+        Method::Sdirk2 => {
+            &[(GAMMA * dt, GAMMA / (1.0 - GAMMA)), (GAMMA * dt, (1.0 - GAMMA) / GAMMA)]
+        }
     };
     let mut sound = R::Mask::splat(true);
     // (One call in a loop, so that the Newton iteration is compiled once.)
-    for i in 0..stages {
+    for (i, &(h, ahead)) in stages.iter().enumerate() {
         if i == 1 {
-            next_origin(&mut work.origin, motion);
+            start_second(work, motion);
         }
-        sound = sound.and(stage(rod, motion, drive, h, work));
+        sound = sound.and(stage(rod, motion, drive, h, ahead, i == 1, work));
     }
     sound
 }
 
 /// The second stage starts from `x0 + (1 - gamma) dt x1'`, where `x1' = (x1 - x0)/(gamma dt)`.
 #[inline(always)]
-fn next_origin<R: Real>(origin: &mut Motion<R>, first: &Motion<R>) {
+fn start_second<R: Real>(work: &mut Workspace<R>, first: &Motion<R>) {
     let ratio = R::splat((1.0 - GAMMA) / GAMMA);
-    for i in 0..origin.x.len() {
-        let (x0, v0) = (origin.x[i], origin.v[i]);
-        origin.x[i] = x0 + (first.x[i] - x0).scale(ratio);
-        origin.v[i] = v0 + (first.v[i] - v0).scale(ratio);
+    for (i, [x0, v0]) in work.start.iter().enumerate() {
+        let (x1, v1) = (first.x[i], first.v[i]);
+        work.second[i] = [*x0 + (x1 - *x0).scale(ratio), *v0 + (v1 - *v0).scale(ratio)];
     }
 }
 
-/// Solves one stage of size `h` from `work.origin`; `motion.a` predicts the acceleration and becomes that
-/// of the stage.
+/// Solves one stage of size `h` from `work.start` or `work.second`. The accelerations of the last two stages give the first guess,
+/// `ahead` times their distance after the last; that of this stage becomes `motion.a`.
 #[inline(always)]
 fn stage<R: Real, D: Drive<R>>(
     rod: &Rod<R>,
     motion: &mut Motion<R>,
     drive: &D,
     h: f64,
+    ahead: f64,
+    second: bool,
     work: &mut Workspace<R>,
 ) -> R::Mask {
     let nodes = rod.nodes();
-    let (step, rate) = (R::splat(h), R::splat(1.0 / h));
-    let small = rod.rest[0] * R::splat(TOLERANCE * (nodes - 1) as f64);
-    let Workspace { matrix, force, gradient, right, by_torque, origin, .. } = work;
-    let Motion { x, v, a } = motion;
+    let (step, rate, ahead) = (R::splat(h), R::splat(1.0 / h), R::splat(ahead));
+    let small = {
+        let length = (nodes - 1) as f64;
+        rod.rest[0] * R::splat((TOLERANCE * length).sqrt())
+    };
+    let Workspace { start, rows, at_torque, by_torque, gradient, .. } = work;
+    let origin = if second { &work.second } else { start };
+    let Motion { x, v, a, a_before } = motion;
+    std::mem::swap(a, a_before);
     for i in 1..nodes {
-        let speed = origin.v[i] + a[i].scale(step);
-        x[i] = origin.x[i] + speed.scale(step);
-        v[i] = speed;
+        let [x0, v0] = origin[i];
+        let guess = a_before[i] + (a_before[i] - a[i]).scale(ahead);
+        v[i] = v0 + guess.scale(step);
+        x[i] = x0 + v[i].scale(step);
     }
     let mut done = R::Mask::splat(false);
-    for iteration in 0..ITERATIONS {
+    for _ in 0..ITERATIONS {
         let torque = drive.torque(x, v);
-        let shape = forces(rod, x, v, force);
-        force[1] += shape.base.scale(torque);
-        for i in 1..nodes {
-            let residual = (v[i] - origin.v[i]).scale(rod.mass[i] * rate) - force[i];
-            right[2 * i - 2] = -residual.x;
-            right[2 * i - 1] = -residual.y;
-        }
-        // The factors cost most of an iteration and serve for two: the first correction is small, so
-        // the second changes them little. The schedule is the same for every lane.
-        if iteration % 2 == 0 {
-            matrix.clear();
-            add_stiffness(rod, x, v, torque, rate, 1, matrix);
-            for i in 1..nodes {
-                let (inertia, zero) = (rod.mass[i] * rate * rate, R::zero());
-                matrix.add_block(i - 1, i - 1, [[inertia, zero], [zero, inertia]]);
-            }
-            matrix.factor();
-        }
-        matrix.solve(right);
+        let shape = reduce(rod, x, v, torque, rate, rows, |i, force| {
+            force - (v[i] - origin[i][1]).scale(rod.mass[i] * rate)
+        });
         if D::FEEDBACK {
             // The torque law adds a matrix of rank one: Sherman and Morrison's formula.
+            substitute(rows, |i, correction| at_torque[i] = correction);
+            reduce(
+                rod,
+                x,
+                v,
+                torque,
+                rate,
+                rows,
+                |i, _| {
+                    if i == 1 { shape.base } else { Vec2::zero() }
+                },
+            );
+            substitute(rows, |i, correction| by_torque[i] = correction);
             drive.gradient(x, v, rate, gradient);
-            by_torque.fill(R::zero());
-            let base = base_gradient(x);
-            by_torque[0] = base.x;
-            by_torque[1] = base.y;
-            matrix.solve(by_torque);
-            let (mut on_right, mut on_torque) = (R::zero(), R::zero());
+            let (mut on_torque, mut on_base) = (R::zero(), R::one());
             for i in 1..nodes {
-                let g = gradient[i];
-                on_right += g.x * right[2 * i - 2] + g.y * right[2 * i - 1];
-                on_torque += g.x * by_torque[2 * i - 2] + g.y * by_torque[2 * i - 1];
+                on_torque += gradient[i].dot(at_torque[i]);
+                on_base -= gradient[i].dot(by_torque[i]);
             }
-            let share = on_right / (R::one() - on_torque);
-            for (r, b) in right.iter_mut().zip(by_torque.iter()) {
-                *r += *b * share;
+            let share = on_torque / on_base;
+            for i in 1..nodes {
+                rows[i - 1].y = at_torque[i] + by_torque[i].scale(share);
             }
         }
         let mut largest = R::zero();
-        for i in 1..nodes {
-            let correction = Vec2::new(right[2 * i - 2], right[2 * i - 1]);
+        let mut correct = |i: usize, correction: Vec2<R>| {
+            let [x0, v0] = origin[i];
             // A converged lane stays frozen while its neighbours iterate. (`max` would drop a NaN.)
             x[i] = Vec2::select(done, x[i], x[i] + correction);
             largest += correction.x.abs() + correction.y.abs();
-            v[i] = (x[i] - origin.x[i]).scale(rate);
+            v[i] = (x[i] - x0).scale(rate);
+            a[i] = (v[i] - v0).scale(rate);
+        };
+        if D::FEEDBACK {
+            rows.iter().enumerate().for_each(|(i, row)| correct(i + 1, row.y));
+        } else {
+            substitute(rows, correct);
         }
         done = done.or(largest.lt(small).and(R::splat(FOLDED).lt(shape.openness)));
         if done.all() {
             break;
         }
     }
-    for i in 1..nodes {
-        a[i] = (v[i] - origin.v[i]).scale(rate);
-    }
     done
+}
+
+/// One sweep down the rod: linearises about (x, v) and eliminates node by node, with the right-hand side
+/// `right(node, force)`.
+#[inline(always)]
+fn reduce<R: Real>(
+    rod: &Rod<R>,
+    x: &[Vec2<R>],
+    v: &[Vec2<R>],
+    torque: R,
+    rate: R,
+    rows: &mut [Row<R>],
+    right: impl Fn(usize, Vec2<R>) -> Vec2<R>,
+) -> Shape<R> {
+    let (mut front, mut descent) = (Front::default(), Descent::default());
+    linearise(rod, x, v, torque, rate, |i, force, mut hook| {
+        // The first node is pinned.
+        if i == 0 {
+            return;
+        }
+        let inertia = rod.mass[i] * rate * rate;
+        hook.diagonal[0][0] += inertia;
+        hook.diagonal[1][1] += inertia;
+        let hook = front.eliminate(&hook);
+        rows[i - 1] = Row { right: hook.right, y: descent.pass(&hook, right(i, force)) };
+    })
+}
+
+/// The way back up: calls `take(node, solution)`, last node first.
+#[inline(always)]
+fn substitute<R: Real>(rows: &[Row<R>], mut take: impl FnMut(usize, Vec2<R>)) {
+    let mut ascent = Ascent::default();
+    for (i, row) in rows.iter().enumerate().rev() {
+        take(i + 1, ascent.pass(&row.right, row.y));
+    }
 }

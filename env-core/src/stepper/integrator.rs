@@ -4,6 +4,7 @@ use super::implicit::{self, Method, Workspace};
 use super::{Constant, Drive, prepare, verlet};
 use crate::lane::{Mask, Real};
 use crate::rod::{Motion, Rod};
+use crate::vec2::Vec2;
 
 /// Which scheme advances a rod.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,6 +38,7 @@ const VERLET_HALVINGS: u32 = 5;
 pub struct Integrator<R> {
     scheme: Scheme,
     dt: f64,
+    /// Where a run of Verlet steps began.
     saved: Motion<R>,
     work: Workspace<R>,
 }
@@ -44,11 +46,11 @@ pub struct Integrator<R> {
 impl<R: Real> Integrator<R> {
     /// For rods of `nodes` nodes and steps of `dt` \[s\].
     pub fn new(scheme: Scheme, dt: f64, nodes: usize) -> Self {
-        let work = match scheme {
-            Scheme::Verlet => Workspace::default(),
-            _ => Workspace::new(nodes),
+        let (saved, work) = match scheme {
+            Scheme::Verlet => (Motion::new(nodes), Workspace::default()),
+            _ => (Motion::default(), Workspace::new(nodes)),
         };
-        Integrator { scheme, dt, saved: Motion::new(nodes), work }
+        Integrator { scheme, dt, saved, work }
     }
 
     /// To be called when positions and velocities were set from outside: fills what is carried between
@@ -56,8 +58,11 @@ impl<R: Real> Integrator<R> {
     pub fn prepare(scheme: Scheme, rod: &Rod<f64>, motion: &mut Motion<f64>) {
         match scheme {
             Scheme::Verlet => prepare(rod, motion),
-            // The predictor of the first implicit step: no acceleration known yet.
-            _ => motion.a.fill(crate::vec2::Vec2::zero()),
+            // What the first implicit step guesses from: no acceleration known yet.
+            _ => {
+                motion.a.fill(Vec2::zero());
+                motion.a_before.fill(Vec2::zero());
+            }
         }
     }
 
@@ -78,7 +83,6 @@ impl<R: Real> Integrator<R> {
         };
         let mut sound = R::Mask::splat(true);
         for _ in 0..steps {
-            self.saved.copy_from(motion);
             let mut done = implicit::step(method, rod, motion, drive, self.dt, &mut self.work);
             if !done.and(sound).all() {
                 done = self.repair(method, rod, motion, drive, done, sound);
@@ -103,7 +107,7 @@ impl<R: Real> Integrator<R> {
             if done.get(lane) && sound.get(lane) {
                 continue;
             }
-            let before = self.saved.lane(lane);
+            let before = self.work.before(lane);
             let mut after = before.clone();
             let mut work = Workspace::new(rod.nodes());
             let (rod, drive) = (rod.lane(lane), drive.lane(lane));

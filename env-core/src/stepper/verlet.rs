@@ -28,7 +28,7 @@ pub fn verlet<R: Real>(
 ) -> R::Mask {
     let nodes = rod.nodes();
     let (dt, half) = (R::splat(dt), R::splat(0.5 * dt));
-    let Motion { x, v, a } = motion;
+    let Motion { x, v, a, .. } = motion;
     let (x, v, a) = (&mut x[..nodes], &mut v[..nodes], &mut a[..nodes]);
     let kick = half * torque * rod.inverse_mass[1];
     let mut base = base_gradient(x);
@@ -66,7 +66,7 @@ fn accelerate<R: Real>(rod: &Rod<R>, a: &mut [Vec2<R>]) {
 
 /// n/|e| of the first edge, by the same operations as in the sweep over all edges.
 #[inline(always)]
-pub(super) fn base_gradient<R: Real>(x: &[Vec2<R>]) -> Vec2<R> {
+fn base_gradient<R: Real>(x: &[Vec2<R>]) -> Vec2<R> {
     let e = x[1] - x[0];
     let inverse = R::one() / e.dot(e).sqrt();
     e.scale(inverse).perp().scale(inverse)

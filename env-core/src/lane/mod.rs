@@ -1,9 +1,13 @@
-//! The number type of the physics: one environment (`f64`) or `W` side by side (`Lanes<W>`).
+//! The number type of the physics: one environment (`f64`) or `W` side by side (`Lanes<W>`; on x86-64 with AVX2 or
+//! AVX-512 types of the processor's own registers, see `isa::with_lanes`).
 //!
 //! Every operation here is an IEEE operation on each lane by itself (add, subtract, multiply, divide,
 //! square root, compare, select), so lane 5 of 8 holds the same bits as that environment computed
-//! alone. Nothing fuses or reorders; the loops are plain so that the compiler turns each into one or
-//! two vector instructions below a `#[target_feature]` function (see `isa.rs`).
+//! alone. Nothing fuses or reorders; the loops of `Lanes` are plain so that the compiler can turn each into a
+//! few vector instructions.
+
+#[cfg(target_arch = "x86_64")]
+pub(crate) mod x86;
 
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};

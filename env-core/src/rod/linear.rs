@@ -1,0 +1,183 @@
+//! Forces together with their exact derivative, for Newton's method, in one sweep along the rod.
+//!
+//! Elastic forces and bending damping depend on differences of neighbouring nodes alone, so the
+//! derivative is made edge by edge: `own` is that of an edge's force by the edge itself, `up` that by the
+//! edge after it, `down` that of the edge after by this one. Node i lies between edge i-1 and edge i, and its
+//! blocks are sums and differences of theirs.
+
+use super::{Rod, Shape};
+use crate::lane::Real;
+use crate::linear::{Banded, Block, Hook, block};
+use crate::vec2::Vec2;
+
+/// What one edge adds to the force on the node at its start, and takes from that at its end.
+#[derive(Clone, Copy, Debug, Default)]
+struct Edge<R> {
+    pull: Vec2<R>,
+    own: Block<R>,
+    up: Block<R>,
+    down: Block<R>,
+}
+
+/// An edge of which the moment at its end is not yet known.
+#[derive(Clone, Copy, Debug, Default)]
+struct OpenEdge<R> {
+    t: Vec2<R>,
+    inverse: R,
+    tension: R,
+    /// Gradient of the edge's angle, n/|e| \[1/m\].
+    slope: Vec2<R>,
+    /// Rate of the angle \[rad/s\].
+    rate: R,
+    /// Derivative of that rate by the edge, at constant de.
+    turn: Vec2<R>,
+    /// Sum of the moments about the edge: a moment M has the potential `M theta` \[N m\].
+    couple: R,
+    /// Of the bending forces.
+    own: Block<R>,
+}
+
+impl<R: Real> OpenEdge<R> {
+    #[inline(always)]
+    fn new(rod: &Rod<R>, x: &[Vec2<R>], v: &[Vec2<R>], k: usize) -> Self {
+        let (e, de) = (x[k + 1] - x[k], v[k + 1] - v[k]);
+        let length = e.dot(e).sqrt();
+        let inverse = R::one() / length;
+        let t = e.scale(inverse);
+        let slope = t.perp().scale(inverse);
+        let rate = slope.dot(de);
+        // Second derivative of the angle, -(t n' + n t')/|e|^2, applied to de.
+        let turn = -(t.scale(rate) + slope.scale(t.dot(de))).scale(inverse);
+        let tension = rod.stretch_rate[k] * length - rod.stretch[k];
+        OpenEdge { t, inverse, tension, slope, rate, turn, ..OpenEdge::default() }
+    }
+
+    /// Adds the bending between this edge and the one `after` it. Returns `up`, `down` and `1 + cos(phi)`.
+    #[inline(always)]
+    fn bend(
+        &mut self,
+        after: &mut Self,
+        bend: R,
+        damping: R,
+        per_time: R,
+    ) -> (Block<R>, Block<R>, R) {
+        let two = R::splat(2.0);
+        let open = R::one() + self.t.dot(after.t);
+        let closed = R::one() / open;
+        let half = self.t.cross(after.t) * closed;
+        // kappa = 2 half, sec^2(phi/2) = 1 + half^2 = 2/open: dE/dphi = (EI/l) kappa sec^2.
+        let elastic = bend * two * closed;
+        let moment = elastic * two * half + damping * (after.rate - self.rate);
+        let stiffness = elastic * two * (closed + half * half) + damping * per_time;
+        self.couple -= moment;
+        after.couple += moment;
+        // dphi/de is -slope for this edge and slope for the one after; damping adds that the slopes turn.
+        let before = self.slope.scale(stiffness) + self.turn.scale(damping);
+        let behind = after.slope.scale(stiffness) + after.turn.scale(damping);
+        add(&mut self.own, outer(self.slope, before));
+        after.own = outer(after.slope, behind);
+        (outer(-self.slope, behind), outer(-after.slope, before), open)
+    }
+
+    /// The edge with all that acts on it; `along` is its stretching stiffness \[N/m\].
+    #[inline(always)]
+    fn close(mut self, along: R, up: Block<R>, down: Block<R>) -> Edge<R> {
+        let pull = self.t.scale(self.tension) + self.slope.scale(self.couple);
+        // Second derivative of the stretching energy, along t t' + across n n', and of the angle.
+        let across = self.tension * self.inverse;
+        let mixed = self.couple * self.inverse * self.inverse;
+        let (cc, ss, cs) = (self.t.x * self.t.x, self.t.y * self.t.y, self.t.x * self.t.y);
+        let xy = (along - across) * cs - mixed * (cc - ss);
+        let twist = mixed * (cs + cs);
+        let (xx, yy) = (along * cc + across * ss + twist, along * ss + across * cc - twist);
+        add(&mut self.own, [[xx, xy], [xy, yy]]);
+        Edge { pull, own: self.own, up, down }
+    }
+}
+
+#[inline(always)]
+fn outer<R: Real>(a: Vec2<R>, b: Vec2<R>) -> Block<R> {
+    [[a.x * b.x, a.x * b.y], [a.y * b.x, a.y * b.y]]
+}
+
+#[inline(always)]
+fn add<R: Real>(to: &mut Block<R>, other: Block<R>) {
+    *to = block(|r, c| to[r][c] + other[r][c]);
+}
+
+/// Calls `node(i, force, hook)` for one node after the other: the force on it \[N\] as `forces` has it, with the
+/// base torque, and its part of the matrix `-d(forces)/dx - rate d(forces)/dv`, where `rate = dv/dx` of the
+/// time stepping (1/h for an implicit step of size h).
+///
+/// The base `torque` \[N m\] follows the first edge, with the potential `-T theta_1`.
+#[inline(always)]
+pub fn linearise<R: Real>(
+    rod: &Rod<R>,
+    x: &[Vec2<R>],
+    v: &[Vec2<R>],
+    torque: R,
+    rate: R,
+    mut node: impl FnMut(usize, Vec2<R>, Hook<R>),
+) -> Shape<R> {
+    let nodes = rod.nodes();
+    let (x, v) = (&x[..nodes], &v[..nodes]);
+    let mut shape = Shape { base: Vec2::zero(), openness: R::splat(2.0) };
+    let zeta = rate * rod.damping;
+    let mut open = OpenEdge::default();
+    let mut before = Edge::default();
+    // Turn k opens edge k, which closes edge k-1, which completes node k-1.
+    for k in 0..=nodes {
+        let mut next = OpenEdge::default();
+        let (mut up, mut down) = (Block::default(), Block::default());
+        if k + 1 < nodes {
+            next = OpenEdge::new(rod, x, v, k);
+            if k == 0 {
+                next.couple = -torque;
+                shape.base = next.slope;
+            } else {
+                let openness;
+                (up, down, openness) = open.bend(&mut next, rod.bend[k], rod.bend_damping[k], rate);
+                shape.openness = shape.openness.min(openness);
+            }
+        }
+        if k > 0 {
+            let i = k - 1;
+            let edge =
+                if k < nodes { open.close(rod.stretch_rate[i], up, down) } else { Edge::default() };
+            let mut force = edge.pull - before.pull - v[i].scale(rod.damping);
+            force.y -= rod.mass[i] * rod.gravity;
+            let mut diagonal = block(|r, c| {
+                before.own[r][c] - before.up[r][c] - before.down[r][c] + edge.own[r][c]
+            });
+            diagonal[0][0] += zeta;
+            diagonal[1][1] += zeta;
+            let right = block(|r, c| before.up[r][c] - edge.own[r][c] + edge.up[r][c]);
+            let below = block(|r, c| before.down[r][c] - edge.own[r][c] + edge.down[r][c]);
+            let right = [right, block(|r, c| -edge.up[r][c])];
+            let below = [below, block(|r, c| -edge.down[r][c])];
+            node(i, force, Hook { diagonal, right, below });
+            before = edge;
+        }
+        open = next;
+    }
+    shape
+}
+
+/// Adds the matrix of `linearise` to `matrix`. Rows and columns 2i, 2i+1 belong to node `first + i`; nodes before
+/// `first` are held.
+#[inline(always)]
+pub fn add_stiffness<R: Real>(
+    rod: &Rod<R>,
+    x: &[Vec2<R>],
+    v: &[Vec2<R>],
+    torque: R,
+    rate: R,
+    first: usize,
+    matrix: &mut Banded<R>,
+) {
+    linearise(rod, x, v, torque, rate, |i, _, hook| {
+        if i >= first {
+            matrix.add_hook(i - first, &hook);
+        }
+    });
+}
