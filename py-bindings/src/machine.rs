@@ -1,5 +1,6 @@
 //! What the processor offers and what the lanes use of it.
 
+use crate::errors::OrRaise;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use rodgym_core::isa::Isa;

@@ -79,7 +79,8 @@ def test_a_whole_bench_writes_its_files(tmp_path, monkeypatch):
     assert (folder / "bench.md").read_text() == page
     assert (folder / "work_precision.png").stat().st_size > 10_000
     rows = list(csv.DictReader((folder / "throughput.csv").read_text().splitlines()))
-    assert len(rows) == 4 * len(ours.machines())
+    # Two sizes with one and two threads, and the single environment.
+    assert len(rows) == 5 * len(ours.machines())
     assert all(float(row["wall_us"]) > 0 for row in rows)
     assert "make_vec of 8192 environments" in page
 

@@ -27,25 +27,39 @@ print(rodgym._native.instruction_set(), digest.hexdigest())
 """
 
 
-def run(isa: str) -> list[str]:
-    """The instruction set in use, and a hash over all that the batches returned."""
+def run(isa: str, program: str = PROGRAM) -> str:
+    """What a program prints in a process of its own."""
     done = subprocess.run(
-        [sys.executable, "-c", PROGRAM],
+        [sys.executable, "-c", program],
         env={**os.environ, "RODGYM_ISA": isa},
         capture_output=True,
         text=True,
         check=True,
     )
-    return done.stdout.split()
+    return done.stdout
 
 
 def test_same_bits_with_every_instruction_set():
-    expected = run("baseline")
-    assert expected[0] == "baseline"
+    used, expected = run("baseline").split()
+    assert used == "baseline"
     for isa in _native.INSTRUCTION_SETS[1:]:
-        assert run(isa) == [isa, expected[1]]
+        assert run(isa).split() == [isa, expected]
 
 
-@pytest.mark.parametrize("isa", ["", "mmx"])
-def test_an_unknown_name_means_the_fastest(isa):
-    assert run(isa)[0] == _native.INSTRUCTION_SETS[-1]
+def test_no_name_means_the_fastest():
+    assert run("").split()[0] == _native.INSTRUCTION_SETS[-1]
+
+
+@pytest.mark.parametrize("code", ["rodgym._native.instruction_set()", "gym.make(id)"])
+def test_an_unknown_name_is_refused_with_those_that_the_machine_has(code):
+    program = f"""
+import gymnasium as gym, rodgym
+id = "rodgym/PendulumSwingUp-v0"
+try:
+    {code}
+except rodgym.ParameterError as error:
+    print(error)
+"""
+    said = run("mmx", program)
+    assert "RODGYM_ISA = mmx" in said
+    assert all(f"'{isa}'" in said for isa in _native.INSTRUCTION_SETS)

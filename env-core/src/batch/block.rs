@@ -27,6 +27,8 @@ pub struct Block<M: Machine, R: Real> {
     actions: Vec<R>,
     observation: Vec<R>,
     outcome: Outcome<R>,
+    /// Rows of the observations that were returned last.
+    returned: Vec<f32>,
 }
 
 /// How a batch runs its blocks.
@@ -55,6 +57,7 @@ impl<M: Machine, R: Real> Block<M, R> {
             actions: vec![R::zero(); spec.action.size()],
             observation: vec![R::zero(); spec.observation.size()],
             outcome: Outcome::new(spec.reward_terms.len() + spec.metrics.len()),
+            returned: vec![0.0; used * spec.observation.size()],
         }
     }
 
@@ -132,6 +135,7 @@ impl<M: Machine, R: Real> Block<M, R> {
             machine.observe(&mut self.plant, starting, &mut self.streams, &mut self.observation);
             self.write_rows(starting, out.observation);
         }
+        self.returned.copy_from_slice(out.observation);
     }
 
     /// Counts a step that was taken and says what came of it.
@@ -168,7 +172,7 @@ impl<M: Machine, R: Real> Block<M, R> {
         machine.parameters(&self.plant, lane, row);
     }
 
-    /// Starts episodes where the mask is set and writes all observations that changed.
+    /// Starts episodes where the mask is set; elsewhere the observation is the one returned last.
     pub fn reset(
         &mut self,
         machine: &M,
@@ -195,7 +199,9 @@ impl<M: Machine, R: Real> Block<M, R> {
             }
         }
         machine.observe(&mut self.plant, starting, &mut self.streams, &mut self.observation);
+        out.observation.copy_from_slice(&self.returned);
         self.write_rows(starting, out.observation);
+        self.returned.copy_from_slice(out.observation);
     }
 
     #[inline(always)]
@@ -215,8 +221,14 @@ impl<M: Machine, R: Real> Block<M, R> {
         }
     }
 
-    /// Everything about one environment; `observation` is the last one it returned.
-    pub fn snapshot(&self, lane: usize, observation: &[f32]) -> Snapshot {
+    /// The observation that one environment returned last.
+    pub fn returned(&self, lane: usize) -> &[f32] {
+        let size = self.observation.len();
+        &self.returned[lane * size..(lane + 1) * size]
+    }
+
+    /// Everything about one environment.
+    pub fn snapshot(&self, lane: usize) -> Snapshot {
         let mut numbers = Vec::new();
         M::numbers(&self.plant, &mut |x| numbers.push(x.get(lane)));
         let clock = &self.clocks[lane];
@@ -229,7 +241,7 @@ impl<M: Machine, R: Real> Block<M, R> {
             episode_return: clock.episode_return,
             reward: clock.reward,
             action: self.actions.iter().map(|a| a.get(lane)).collect(),
-            observation: observation.to_vec(),
+            observation: self.returned(lane).to_vec(),
         }
     }
 
@@ -251,6 +263,8 @@ impl<M: Machine, R: Real> Block<M, R> {
         for (slot, action) in self.actions.iter_mut().zip(&saved.action) {
             slot.set(lane, *action);
         }
+        let size = self.observation.len();
+        self.returned[lane * size..(lane + 1) * size].copy_from_slice(&saved.observation);
         self.streams[lane] = saved.stream.clone();
         self.clocks[lane] = Clock {
             steps: saved.steps,

@@ -34,8 +34,6 @@ pub struct Batch<M: Machine, R: Real> {
     rules: Rules,
     threads: usize,
     pool: Option<Pool>,
-    /// Last observations, row-major (n, d).
-    observation: Vec<f32>,
 }
 
 /// How to run a batch: see `registry::MakeOptions`.
@@ -93,7 +91,6 @@ impl<M: Machine, R: Real> Batch<M, R> {
             .step_by(R::LANES)
             .map(|first| Block::new(&machine, R::LANES.min(n - first), first as u64))
             .collect();
-        let size = machine.spec().observation.size();
         Batch {
             machine,
             blocks,
@@ -105,7 +102,6 @@ impl<M: Machine, R: Real> Batch<M, R> {
             },
             threads: options.num_threads,
             pool: None,
-            observation: vec![0.0; n * size],
         }
     }
 
@@ -212,7 +208,6 @@ impl<M: Machine, R: Real> VectorEnv for Batch<M, R> {
             Seeds::Base(base) => Some(base.wrapping_add(index as u64)),
             Seeds::Each(each) => each[index],
         };
-        out.observation.copy_from_slice(&self.observation);
         let rows = Rows::new(self.spec(), &mut out);
         for (b, block) in self.blocks.iter_mut().enumerate() {
             let first = b * R::LANES;
@@ -221,7 +216,6 @@ impl<M: Machine, R: Real> VectorEnv for Batch<M, R> {
             let place = ResetRows { first, mask };
             block.reset(&self.machine, &place, seed, &start, &mut mine);
         }
-        self.observation.copy_from_slice(out.observation);
         Ok(())
     }
 
@@ -252,31 +246,24 @@ impl<M: Machine, R: Real> VectorEnv for Batch<M, R> {
         } else {
             ensure_pool(&mut self.pool, threads)?.share(&mut self.blocks, step);
         }
-        self.observation.copy_from_slice(out.observation);
         Ok(())
     }
 
     fn get_state(&self, index: usize) -> Result<Vec<u8>> {
         let (block, lane) = self.place(index)?;
-        let size = self.spec().observation.size();
-        let observation = &self.observation[index * size..(index + 1) * size];
-        Ok(self.blocks[block].snapshot(lane, observation).encode(self.spec()))
+        Ok(self.blocks[block].snapshot(lane).encode(self.spec()))
     }
 
     fn set_state(&mut self, index: usize, bytes: &[u8]) -> Result<()> {
         let (block, lane) = self.place(index)?;
         let saved = Snapshot::decode(bytes, self.machine.spec())?;
-        self.blocks[block].restore(lane, &saved)?;
-        let size = saved.observation.len();
-        self.observation[index * size..(index + 1) * size].copy_from_slice(&saved.observation);
-        Ok(())
+        self.blocks[block].restore(lane, &saved)
     }
 
     fn observe(&self, index: usize, out: &mut [f32]) -> Result<()> {
-        self.place(index)?;
-        let size = self.spec().observation.size();
-        check_length("observation", out.len(), size)?;
-        out.copy_from_slice(&self.observation[index * size..(index + 1) * size]);
+        let (block, lane) = self.place(index)?;
+        check_length("observation", out.len(), self.spec().observation.size())?;
+        out.copy_from_slice(self.blocks[block].returned(lane));
         Ok(())
     }
 

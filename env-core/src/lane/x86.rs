@@ -6,6 +6,11 @@
 //! Every operation is safe to call only on a processor that has its instructions. So the types stay inside this
 //! crate: `isa::with_lanes` names them, and names each only where it was found.
 
+#![allow(
+    clippy::undocumented_unsafe_blocks,
+    reason = "what was just said holds for every operation"
+)]
+
 use super::{Mask, Real};
 use core::arch::x86_64::*;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
@@ -13,16 +18,14 @@ use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 /// How many numbers stand side by side.
 const WIDTH: usize = 8;
 
-/// Where `a < b`, all bits set; as the AVX2 comparison returns it.
+/// All bits set where `a < b`, as the AVX2 comparison has it.
 #[inline(always)]
 unsafe fn less512(a: __m512d, b: __m512d) -> __m512d {
-    // SAFETY: as the caller promises.
     unsafe { _mm512_castsi512_pd(_mm512_movm_epi64(_mm512_cmp_pd_mask::<_CMP_LT_OQ>(a, b))) }
 }
 
 #[inline(always)]
 unsafe fn less256(a: __m256d, b: __m256d) -> __m256d {
-    // SAFETY: as the caller promises.
     unsafe { _mm256_cmp_pd::<_CMP_LT_OQ>(a, b) }
 }
 
@@ -82,7 +85,6 @@ macro_rules! lanes {
                 Self::splat(0.0)
             }
         }
-        // SAFETY (of all operations below): the type is used on processors that have its instructions only.
         impl Add for $lanes {
             type Output = Self;
             #[inline(always)]

@@ -105,62 +105,79 @@ fn add<R: Real>(to: &mut Block<R>, other: Block<R>) {
     *to = block(|r, c| to[r][c] + other[r][c]);
 }
 
-/// Calls `node(i, force, hook)` for one node after the other: the force on it \[N\] as `forces` has it, with the
-/// base torque, and its part of the matrix `-d(forces)/dx - rate d(forces)/dv`, where `rate = dv/dx` of the
+/// A sweep along the rod, node by node: an iterator over the force on each \[N\] as `forces` has it, with the base
+/// torque, and its part of the matrix `-d(forces)/dx - rate d(forces)/dv`, where `rate = dv/dx` of the
 /// time stepping (1/h for an implicit step of size h).
 ///
-/// The base `torque` \[N m\] follows the first edge, with the potential `-T theta_1`.
+/// (An iterator and not a function of a closure: `next` is inlined whatever its size, a closure is not, and
+/// what is not inlined has not the instructions of its caller.)
+pub struct Linearised<'a, R> {
+    rod: &'a Rod<R>,
+    x: &'a [Vec2<R>],
+    v: &'a [Vec2<R>],
+    rate: R,
+    node: usize,
+    /// The edge before the node, and the one after it.
+    before: Edge<R>,
+    open: OpenEdge<R>,
+    /// What the sweep learned of the shape.
+    pub shape: Shape<R>,
+}
+
+/// Starts the sweep. The base `torque` \[N m\] follows the first edge, with the potential `-T theta_1`.
 #[inline(always)]
-pub fn linearise<R: Real>(
-    rod: &Rod<R>,
-    x: &[Vec2<R>],
-    v: &[Vec2<R>],
+pub fn linearise<'a, R: Real>(
+    rod: &'a Rod<R>,
+    x: &'a [Vec2<R>],
+    v: &'a [Vec2<R>],
     torque: R,
     rate: R,
-    mut node: impl FnMut(usize, Vec2<R>, Hook<R>),
-) -> Shape<R> {
-    let nodes = rod.nodes();
-    let (x, v) = (&x[..nodes], &v[..nodes]);
-    let mut shape = Shape { base: Vec2::zero(), openness: R::splat(2.0) };
-    let zeta = rate * rod.damping;
-    let mut open = OpenEdge::default();
-    let mut before = Edge::default();
-    // Turn k opens edge k, which closes edge k-1, which completes node k-1.
-    for k in 0..=nodes {
-        let mut next = OpenEdge::default();
-        let (mut up, mut down) = (Block::default(), Block::default());
-        if k + 1 < nodes {
-            next = OpenEdge::new(rod, x, v, k);
-            if k == 0 {
-                next.couple = -torque;
-                shape.base = next.slope;
-            } else {
+) -> Linearised<'a, R> {
+    let open = OpenEdge { couple: -torque, ..OpenEdge::new(rod, x, v, 0) };
+    let shape = Shape { base: open.slope, openness: R::splat(2.0) };
+    Linearised { rod, x, v, rate, node: 0, before: Edge::default(), open, shape }
+}
+
+impl<R: Real> Iterator for Linearised<'_, R> {
+    type Item = (Vec2<R>, Hook<R>);
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<Self::Item> {
+        let Linearised { rod, x, v, rate, node: i, before, open, shape } = self;
+        let (i, nodes) = (*i, rod.nodes());
+        if i == nodes {
+            return None;
+        }
+        self.node += 1;
+        // Node i needs the edge after it, which the moment at the end of that completes.
+        let mut edge = Edge::default();
+        if i + 1 < nodes {
+            let (mut up, mut down) = (Block::default(), Block::default());
+            let mut next = OpenEdge::default();
+            if i + 2 < nodes {
+                next = OpenEdge::new(rod, x, v, i + 1);
+                let (bend, damping) = (rod.bend[i + 1], rod.bend_damping[i + 1]);
                 let openness;
-                (up, down, openness) = open.bend(&mut next, rod.bend[k], rod.bend_damping[k], rate);
+                (up, down, openness) = open.bend(&mut next, bend, damping, *rate);
                 shape.openness = shape.openness.min(openness);
             }
+            edge = open.close(rod.stretch_rate[i], up, down);
+            *open = next;
         }
-        if k > 0 {
-            let i = k - 1;
-            let edge =
-                if k < nodes { open.close(rod.stretch_rate[i], up, down) } else { Edge::default() };
-            let mut force = edge.pull - before.pull - v[i].scale(rod.damping);
-            force.y -= rod.mass[i] * rod.gravity;
-            let mut diagonal = block(|r, c| {
-                before.own[r][c] - before.up[r][c] - before.down[r][c] + edge.own[r][c]
-            });
-            diagonal[0][0] += zeta;
-            diagonal[1][1] += zeta;
-            let right = block(|r, c| before.up[r][c] - edge.own[r][c] + edge.up[r][c]);
-            let below = block(|r, c| before.down[r][c] - edge.own[r][c] + edge.down[r][c]);
-            let right = [right, block(|r, c| -edge.up[r][c])];
-            let below = [below, block(|r, c| -edge.down[r][c])];
-            node(i, force, Hook { diagonal, right, below });
-            before = edge;
-        }
-        open = next;
+        let mut force = edge.pull - before.pull - v[i].scale(rod.damping);
+        force.y -= rod.mass[i] * rod.gravity;
+        let zeta = *rate * rod.damping;
+        let mut diagonal =
+            block(|r, c| before.own[r][c] - before.up[r][c] - before.down[r][c] + edge.own[r][c]);
+        diagonal[0][0] += zeta;
+        diagonal[1][1] += zeta;
+        let right = block(|r, c| before.up[r][c] - edge.own[r][c] + edge.up[r][c]);
+        let below = block(|r, c| before.down[r][c] - edge.own[r][c] + edge.down[r][c]);
+        let right = [right, block(|r, c| -edge.up[r][c])];
+        let below = [below, block(|r, c| -edge.down[r][c])];
+        *before = edge;
+        Some((force, Hook { diagonal, right, below }))
     }
-    shape
 }
 
 /// Adds the matrix of `linearise` to `matrix`. Rows and columns 2i, 2i+1 belong to node `first + i`; nodes before
@@ -175,9 +192,9 @@ pub fn add_stiffness<R: Real>(
     first: usize,
     matrix: &mut Banded<R>,
 ) {
-    linearise(rod, x, v, torque, rate, |i, _, hook| {
+    for (i, (_, hook)) in linearise(rod, x, v, torque, rate).enumerate() {
         if i >= first {
             matrix.add_hook(i - first, &hook);
         }
-    });
+    }
 }

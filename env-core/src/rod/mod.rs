@@ -11,7 +11,7 @@ mod linear;
 
 pub use energy::{Energy, curvature, energy};
 pub use forces::{Shape, forces};
-pub use linear::{add_stiffness, linearise};
+pub use linear::{Linearised, add_stiffness, linearise};
 
 use crate::lane::Real;
 use crate::vec2::Vec2;

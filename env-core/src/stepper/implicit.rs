@@ -133,7 +133,7 @@ fn stage<R: Real, D: Drive<R>>(
         rod.rest[0] * R::splat((TOLERANCE * length).sqrt())
     };
     let Workspace { start, rows, at_torque, by_torque, gradient, .. } = work;
-    let origin = if second { &work.second } else { start };
+    let origin: &[_] = if second { &work.second } else { start };
     let Motion { x, v, a, a_before } = motion;
     std::mem::swap(a, a_before);
     for i in 1..nodes {
@@ -145,24 +145,12 @@ fn stage<R: Real, D: Drive<R>>(
     let mut done = R::Mask::splat(false);
     for _ in 0..ITERATIONS {
         let torque = drive.torque(x, v);
-        let shape = reduce(rod, x, v, torque, rate, rows, |i, force| {
-            force - (v[i] - origin[i][1]).scale(rod.mass[i] * rate)
-        });
+        let shape = reduce(rod, x, v, Some(origin), torque, rate, rows);
         if D::FEEDBACK {
             // The torque law adds a matrix of rank one: Sherman and Morrison's formula.
-            substitute(rows, |i, correction| at_torque[i] = correction);
-            reduce(
-                rod,
-                x,
-                v,
-                torque,
-                rate,
-                rows,
-                |i, _| {
-                    if i == 1 { shape.base } else { Vec2::zero() }
-                },
-            );
-            substitute(rows, |i, correction| by_torque[i] = correction);
+            substitute(rows, at_torque);
+            reduce(rod, x, v, None, torque, rate, rows);
+            substitute(rows, by_torque);
             drive.gradient(x, v, rate, gradient);
             let (mut on_torque, mut on_base) = (R::zero(), R::one());
             for i in 1..nodes {
@@ -171,22 +159,20 @@ fn stage<R: Real, D: Drive<R>>(
             }
             let share = on_torque / on_base;
             for i in 1..nodes {
-                rows[i - 1].y = at_torque[i] + by_torque[i].scale(share);
+                let y = at_torque[i] + by_torque[i].scale(share);
+                rows[i - 1] = Row { y, ..Row::default() };
             }
         }
+        let mut ascent = Ascent::default();
         let mut largest = R::zero();
-        let mut correct = |i: usize, correction: Vec2<R>| {
+        for i in (1..nodes).rev() {
+            let correction = ascent.pass(&rows[i - 1].right, rows[i - 1].y);
             let [x0, v0] = origin[i];
             // A converged lane stays frozen while its neighbours iterate. (`max` would drop a NaN.)
             x[i] = Vec2::select(done, x[i], x[i] + correction);
             largest += correction.x.abs() + correction.y.abs();
             v[i] = (x[i] - x0).scale(rate);
             a[i] = (v[i] - v0).scale(rate);
-        };
-        if D::FEEDBACK {
-            rows.iter().enumerate().for_each(|(i, row)| correct(i + 1, row.y));
-        } else {
-            substitute(rows, correct);
         }
         done = done.or(largest.lt(small).and(R::splat(FOLDED).lt(shape.openness)));
         if done.all() {
@@ -196,37 +182,43 @@ fn stage<R: Real, D: Drive<R>>(
     done
 }
 
-/// One sweep down the rod: linearises about (x, v) and eliminates node by node, with the right-hand side
-/// `right(node, force)`.
+/// One sweep down the rod: linearises about (x, v) and eliminates node by node. The right-hand side is the force
+/// that a stage which starts from `origin` lacks; without one, the force of a unit torque at the base.
 #[inline(always)]
 fn reduce<R: Real>(
     rod: &Rod<R>,
     x: &[Vec2<R>],
     v: &[Vec2<R>],
+    origin: Option<&[[Vec2<R>; 2]]>,
     torque: R,
     rate: R,
     rows: &mut [Row<R>],
-    right: impl Fn(usize, Vec2<R>) -> Vec2<R>,
 ) -> Shape<R> {
     let (mut front, mut descent) = (Front::default(), Descent::default());
-    linearise(rod, x, v, torque, rate, |i, force, mut hook| {
-        // The first node is pinned.
-        if i == 0 {
-            return;
-        }
-        let inertia = rod.mass[i] * rate * rate;
-        hook.diagonal[0][0] += inertia;
-        hook.diagonal[1][1] += inertia;
+    let mut sweep = linearise(rod, x, v, torque, rate);
+    // The first node is pinned.
+    sweep.next();
+    for i in 1..rod.nodes() {
+        let Some((force, mut hook)) = sweep.next() else { break };
+        let inertia = rod.mass[i] * rate;
+        hook.diagonal[0][0] += inertia * rate;
+        hook.diagonal[1][1] += inertia * rate;
+        let right = match origin {
+            Some(origin) => force - (v[i] - origin[i][1]).scale(inertia),
+            None if i == 1 => sweep.shape.base,
+            None => Vec2::zero(),
+        };
         let hook = front.eliminate(&hook);
-        rows[i - 1] = Row { right: hook.right, y: descent.pass(&hook, right(i, force)) };
-    })
+        rows[i - 1] = Row { right: hook.right, y: descent.pass(&hook, right) };
+    }
+    sweep.shape
 }
 
-/// The way back up: calls `take(node, solution)`, last node first.
+/// The way back up, to the solution at every node but the first.
 #[inline(always)]
-fn substitute<R: Real>(rows: &[Row<R>], mut take: impl FnMut(usize, Vec2<R>)) {
+fn substitute<R: Real>(rows: &[Row<R>], solution: &mut [Vec2<R>]) {
     let mut ascent = Ascent::default();
     for (i, row) in rows.iter().enumerate().rev() {
-        take(i + 1, ascent.pass(&row.right, row.y));
+        solution[i + 1] = ascent.pass(&row.right, row.y);
     }
 }

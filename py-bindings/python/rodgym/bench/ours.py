@@ -53,9 +53,9 @@ def batch(name: str, env_id: str, num_envs: int, threads: int = 1, **kwargs: Any
     return Case(name, num_envs, run, alone=threads == 1)
 
 
-def single(name: str, env_id: str, *, wrapped: bool) -> Case:
+def single(name: str, env_id: str, *, wrapped: bool, **kwargs: Any) -> Case:
     """``step`` of one environment made by ``gym.make``: as it comes, or its ``unwrapped``."""
-    env: Any = gym.make(env_id, max_episode_steps=1 << 40)
+    env: Any = gym.make(env_id, max_episode_steps=1 << 40, **kwargs)
     env.reset(seed=0)
     env = env if wrapped else env.unwrapped
     rng = np.random.default_rng(0)

@@ -72,6 +72,10 @@ def peers_table(timings: Sequence[Timing], ratios: Mapping[str, Ratio]) -> str:
     return table(header, rows)
 
 
+#: Stands for the size of a batch where one environment is stepped without a batch.
+SINGLE = 0
+
+
 def throughput_table(
     rows: Mapping[str, Mapping[tuple[int, int], Timing]], threads: int, *, cpu: bool
 ) -> str:
@@ -89,7 +93,8 @@ def throughput_table(
         ]
         for name, row in rows.items()
     ]
-    return table(("environment", *(f"n = {n}" for n in sizes)), body)
+    columns = ("env.unwrapped.step" if n == SINGLE else f"n = {n}" for n in sizes)
+    return table(("environment", *columns), body)
 
 
 TIMING_HEADER = (

@@ -118,9 +118,14 @@ FIN_CASE = "FinThrust (40 ms a step), n = 1024"
 def throughput(
     name: str, env_id: str, kwargs: Mapping[str, object], extent: Extent
 ) -> dict[tuple[int, int], Timing]:
-    """One machine in batches of every size, by (number of environments, threads)."""
+    """One machine in batches of every size, by (number of environments, threads).
+
+    The single environment of ``gym.make``, unwrapped, goes as size ``report.SINGLE``.
+    """
     keys = [(n, t) for n in extent.sizes for t in extent.threads]
     cases = [ours.batch(f"{name}; n={n}; threads={t}", env_id, n, t, **kwargs) for n, t in keys]
+    keys.append((report.SINGLE, 1))
+    cases.append(ours.single(f"{name}; single", env_id, wrapped=False, **kwargs))
     timings = measure(cases, extent.sweep_rounds, 0.5 * extent.seconds)
     return dict(zip(keys, timings, strict=True))
 
