@@ -192,7 +192,10 @@ pub fn add_stiffness<R: Real>(
     first: usize,
     matrix: &mut Banded<R>,
 ) {
-    for (i, (_, hook)) in linearise(rod, x, v, torque, rate).enumerate() {
+    let mut sweep = linearise(rod, x, v, torque, rate);
+    // (No `enumerate`: its `next` is not always inlined, and so would not be this sweep.)
+    for i in 0..rod.nodes() {
+        let Some((_, hook)) = sweep.next() else { break };
         if i >= first {
             matrix.add_hook(i - first, &hook);
         }
