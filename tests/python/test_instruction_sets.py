@@ -57,7 +57,7 @@ import gymnasium as gym, rodgym
 id = "rodgym/PendulumSwingUp-v0"
 try:
     {code}
-except rodgym.ParameterError as error:
+except rodgym.RodgymError as error:
     print(error)
 """
     said = run("mmx", program)
