@@ -127,6 +127,9 @@ fn stage<R: Real, D: Drive<R>>(
     work: &mut Workspace<R>,
 ) -> R::Mask {
     let nodes = rod.nodes();
+    // A stiff law of the state throws the torque about, and the equations have several solutions: no guess
+    // ahead of what was.
+    let ahead = if D::FEEDBACK { 0.0 } else { ahead };
     let (step, rate, ahead) = (R::splat(h), R::splat(1.0 / h), R::splat(ahead));
     let small = {
         let length = (nodes - 1) as f64;
