@@ -25,6 +25,6 @@ fn serve(arguments: Vec<OsString>) -> PyResult<u8> {
     let _ = arguments;
     Err(raise(
         "RodgymError",
-        "this build of rodgym has no network server; build with `maturin develop --features server`",
+        "this build of rodgym has no network server, wheels do; in a clone `make server` adds it (some minutes, once)",
     ))
 }
