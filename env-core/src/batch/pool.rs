@@ -110,7 +110,7 @@ impl Pool {
     pub fn share<T: Send>(&self, items: &mut [T], work: impl Fn(usize, &mut T) + Sync) {
         let total = items.len();
         // Small portions, so that a thread that the system holds up leaves its share to others.
-        let portion = (total / (8 * self.threads())).max(1);
+        let portion = (total / (32 * self.threads())).max(1);
         let next = AtomicUsize::new(0);
         let items = &Items(items.as_mut_ptr());
         self.run(&|| {

@@ -31,15 +31,23 @@ pub fn forces<R: Real>(
     let (one, four) = (R::one(), R::splat(4.0));
     let mut shape = Shape { base: Vec2::zero(), openness: R::splat(2.0) };
 
-    // Of the edge before: tangent, n/|e|, rate of turn, and its gradient without the moment at its end.
-    let mut t0 = Vec2::zero();
+    // Of the edge before: vector, length and its inverse, n/|e|, rate of turn, and its gradient without the moment
+    // at its end.
+    let (mut e0, mut length0, mut inverse0) = (Vec2::zero(), one, one);
     let mut slope0 = Vec2::zero();
     let mut rate0 = R::zero();
     let mut g0 = Vec2::zero();
     for k in 0..edges {
         let e = x[k + 1] - x[k];
         let length = e.dot(e).sqrt();
-        let inverse = one / length;
+        // Divisions cost most: 1/|e| and 1/(|e0||e| + e0.e) come from one of their product.
+        let (inverse, closed) = if k == 0 {
+            (one / length, one)
+        } else {
+            let spread = length0 * length + e0.dot(e);
+            let both = one / (length * spread);
+            (both * spread, both * length)
+        };
         let t = e.scale(inverse);
         let slope = t.perp().scale(inverse);
         let rate = slope.dot(v[k + 1] - v[k]);
@@ -47,12 +55,15 @@ pub fn forces<R: Real>(
         if k == 0 {
             shape.base = slope;
         } else {
-            let open = one + t0.dot(t);
-            let half = t0.cross(t) / open;
-            // kappa = 2 half and sec^2(phi/2) = 1 + half^2 = 2/open give dE/dphi = (EI/l) 4 half/open.
-            let moment = rod.bend[k] * (four * half / open) + rod.bend_damping[k] * (rate - rate0);
+            // kappa = 2 half and sec^2(phi/2) = 1 + half^2 = 2/open, open = 1 + cos(phi), give
+            // dE/dphi = (EI/l) 4 half/open.
+            let half = e0.cross(e) * closed;
+            let open_inverse = length0 * length * closed;
+            let moment =
+                rod.bend[k] * (four * half * open_inverse) + rod.bend_damping[k] * (rate - rate0);
             g += slope.scale(moment);
             g0 -= slope0.scale(moment);
+            let open = (length0 * length + e0.dot(e)) * (inverse0 * inverse);
             shape.openness = shape.openness.min(open);
             if k == 1 {
                 force[0] = g0;
@@ -61,7 +72,7 @@ pub fn forces<R: Real>(
             }
             force[k] = -g0;
         }
-        t0 = t;
+        (e0, length0, inverse0) = (e, length, inverse);
         slope0 = slope;
         rate0 = rate;
         g0 = g;
