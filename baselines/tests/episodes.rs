@@ -90,8 +90,8 @@ fn a_weak_motor_pumps() {
 #[test]
 fn the_thesis_hybrid_swings_up_where_its_swing_fits() {
     for width in [0.007, 0.0081, 0.009] {
-        let ok = upright("lqr-hybrid", SWING_UP, json!({"width": width}), 20, every);
-        assert_eq!(ok, 20, "width {width}");
+        let ok = upright("lqr-hybrid", SWING_UP, json!({"width": width}), 100, every);
+        assert_eq!(ok, 100, "width {width}");
     }
 }
 

@@ -158,11 +158,14 @@ def plot_precision(path: Path, found: Sequence[Point]) -> None:
                 lw=2.2 if own else 1.3,
                 label=family,
             )
+            # Some lines run close together: labels of one go above it, of the other below.
+            below = own or at % 4 == 2
             for point in line:
                 axes.annotate(
                     f"{1e3 * point.dt:g} ms",
                     (1e6 * point.cost, 1e3 * point.error),
-                    xytext=(5, 4),
+                    xytext=(-5, -10) if below else (5, 4),
+                    ha="right" if below else "left",
                     textcoords="offset points",
                     fontsize=7,
                     color=FAINT if not own else COLOURS[at % len(COLOURS)],
