@@ -100,6 +100,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         # The reader has gone (`rodgym list | head`): nothing is left to say, not even at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except OSError as error:
+        # A folder that cannot be made, a file that cannot be written.
+        if error.filename is None:
+            raise
+        return refuse(args.command, f"{error.filename}: {error.strerror}")
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return 130

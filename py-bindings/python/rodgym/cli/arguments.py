@@ -40,6 +40,33 @@ def key_value(text: str) -> tuple[str, Any]:
         return key, value
 
 
+#: Arguments of environments that are the program's to choose.
+_OURS = ("num_envs", "num_threads", "autoreset_mode", "copy", "render_mode")
+
+
+def env_arg(text: str) -> tuple[str, Any]:
+    """A keyword of the environment and its value."""
+    name, value = key_value(text)
+    if name in _OURS:
+        raise argparse.ArgumentTypeError(f"{name} is chosen by this command")
+    whole = isinstance(value, int) and not isinstance(value, bool)
+    if name == "max_episode_steps" and not (whole and value >= 1):
+        # Episodes without an end would never be scored.
+        raise argparse.ArgumentTypeError(f"{text!r}: it must be a whole number of at least 1")
+    return name, value
+
+
+def seed(text: str) -> int:
+    """A seed of the learning libraries."""
+    try:
+        number = int(text)
+    except ValueError:
+        number = -1
+    if not 0 <= number < 2**32:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 0 to 2^32 - 1")
+    return number
+
+
 def seeds(text: str) -> range:
     """``100`` is the seeds 0..99; ``200:300`` is 200..299."""
     first, colon, last = text.rpartition(":")
@@ -76,7 +103,7 @@ def add_env(parser: argparse.ArgumentParser, default: str | None = DEFAULT_ENV) 
     )
     parser.add_argument(
         "--env-arg",
-        type=key_value,
+        type=env_arg,
         action="append",
         default=[],
         metavar="NAME=VALUE",

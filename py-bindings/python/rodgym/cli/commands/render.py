@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from rodgym.cli.arguments import DEFAULT_ENV, UsageError, add_env, positive
+from rodgym.cli.arguments import DEFAULT_ENV, UsageError, add_env, positive, seed
 
 SUMMARY = "draw an episode as a GIF, a strip of stills, or in a window"
 EXAMPLES = """
@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("out", nargs="?", type=Path, help="file to write: .gif or .png")
     add_env(parser, default=None)
-    parser.add_argument("--seed", type=int, default=0, help="seed of the episode (default 0)")
+    parser.add_argument("--seed", type=seed, default=0, help="seed of the episode (default 0)")
     parser.add_argument(
         "--stills", type=positive, default=5, help="pictures in a .png strip (default 5)"
     )

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rodgym.cli.arguments import add_env, add_run, key_value, positive
+from rodgym.cli.arguments import add_env, add_run, key_value, positive, seed
 
 if TYPE_CHECKING:
     from rodgym.runs import Run
@@ -38,7 +38,7 @@ def add_training(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--steps", type=positive, metavar="N", help="environment steps (default: the recipe's)"
     )
-    parser.add_argument("--seed", type=int, default=0, help="seed of the training (default 0)")
+    parser.add_argument("--seed", type=seed, default=0, help="seed of the training (default 0)")
     parser.add_argument(
         "--recipe", type=Path, metavar="FILE", help="YAML of recipes (default: those of rodgym)"
     )
