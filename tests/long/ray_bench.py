@@ -22,7 +22,7 @@ from rodgym.study.spec import parse
 import psutil  # isort: skip
 
 #: Rods of 20 edges, 256 episodes a case: 1.6 s of CPU time each where this was written.
-CASES = 48
+CASES = 72
 
 
 def cpu() -> dict[int, float]:
