@@ -141,13 +141,13 @@ impl<M: Machine, R: Real> Batch<M, R> {
 }
 
 /// The pool, built or rebuilt where needed.
-fn ensure_pool(pool: &mut Option<Pool>, threads: usize) -> Result<&Pool> {
+fn ensure_pool(pool: &mut Option<Pool>, threads: usize) -> Result<&mut Pool> {
     if !pool.as_ref().is_some_and(|pool| pool.is_alive() && pool.threads() == threads) {
         *pool = Some(Pool::new(threads).map_err(|error| {
             Error::parameter("num_threads", threads, format!("what the system allows ({error})"))
         })?);
     }
-    Ok(pool.as_ref().expect("made above"))
+    Ok(pool.as_mut().expect("made above"))
 }
 
 fn check_length(name: &str, got: usize, expected: usize) -> Result<()> {
