@@ -266,7 +266,7 @@ fn a_fin_at_rest_in_still_water_feels_nothing_and_stays() {
     // In a flow along it, a straight fin feels friction alone, and no torque.
     let mut fin = fin(Hydrodynamics::Lighthill, Parameters::default());
     fin.step(0.0, 200).expect("the flow is steady");
-    let perimeters: f64 = Geometry::thesis().perimeters().iter().sum();
+    let perimeters: f64 = Geometry::thesis().perimeters().sum();
     let friction = 0.5 * 1000.0 * 0.016 * 0.05 * 0.05 * perimeters * 0.02;
     assert_close("friction", fin.loads().thrust, -friction, 1e-4, 1e-3);
     assert!(fin.loads().torque.abs() < 1e-15);

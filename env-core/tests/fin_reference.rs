@@ -295,8 +295,9 @@ fn sampled_commands_through_the_servo_agree() {
 fn geometry_is_that_of_table_3_1() {
     let geometry = Geometry::thesis();
     let rod = geometry.rod(&thesis(8.1112e6));
-    let (edges, perimeters) = (geometry.edge_areas(), geometry.perimeters());
-    let moments = geometry.second_moments();
+    let edges: Vec<_> = geometry.edge_areas().collect();
+    let perimeters: Vec<_> = geometry.perimeters().collect();
+    let moments: Vec<_> = geometry.second_moments().collect();
     for (i, row) in table("geometry").iter().enumerate() {
         close("width", geometry.widths[i], number(row, "width_m"), 1e-3, 1e-12);
         close("area", geometry.areas[i], number(row, "area_node_m2"), 1e-4, 1e-12);

@@ -2,6 +2,7 @@
 
 use super::parameters::Parameters;
 use crate::error::{Error, Result};
+use crate::lane::Real;
 use crate::rod::Rod;
 
 /// Allowed thickness of a node \[m\].
@@ -96,18 +97,18 @@ impl Geometry {
     }
 
     /// Area of the section of each edge \[m^2\] (thesis 2.7).
-    pub fn edge_areas(&self) -> Vec<f64> {
-        self.areas.windows(2).map(|a| 0.5 * (a[0] + a[1])).collect()
+    pub fn edge_areas(&self) -> impl Iterator<Item = f64> {
+        self.areas.windows(2).map(|a| 0.5 * (a[0] + a[1]))
     }
 
     /// Wetted perimeter of the section of each edge \[m\]: both sides and both thicknesses.
-    pub fn perimeters(&self) -> Vec<f64> {
-        self.widths.windows(2).map(|w| 2.0 * (self.height + 0.5 * (w[0] + w[1]))).collect()
+    pub fn perimeters(&self) -> impl Iterator<Item = f64> {
+        self.widths.windows(2).map(|w| 2.0 * (self.height + 0.5 * (w[0] + w[1])))
     }
 
     /// Second moment of area at each node, `h w^3 / 12` \[m^4\] (thesis 2.8 corrected).
-    pub fn second_moments(&self) -> Vec<f64> {
-        self.widths.iter().map(|w| self.height * w * w * w / 12.0).collect()
+    pub fn second_moments(&self) -> impl Iterator<Item = f64> {
+        self.widths.iter().map(|w| self.height * w * w * w / 12.0)
     }
 
     /// Refuses what is not a fin.
@@ -162,27 +163,34 @@ impl Geometry {
     /// The discrete rod of this shape: masses (thesis 2.4, 2.5), stretching stiffness on the edges,
     /// bending stiffness at the nodes. No gravity: the fin's height is vertical.
     pub fn rod(&self, parameters: &Parameters) -> Rod<f64> {
-        let mut rod = Rod::<f64>::new(self.nodes());
+        let mut rod = Rod::new(self.nodes());
+        self.shape(parameters, &mut rod, 0);
+        rod
+    }
+
+    /// Overwrites one lane of rods of the same number of nodes; no memory is taken.
+    pub fn shape<R: Real>(&self, parameters: &Parameters, rod: &mut Rod<R>, lane: usize) {
         let l = self.edge_length;
         let e = parameters.youngs_modulus;
-        for (k, area) in self.edge_areas().into_iter().enumerate() {
-            let modulus = 0.5 * e * (self.stiffness[k] + self.stiffness[k + 1]);
-            rod.rest[k] = l;
-            rod.stretch[k] = modulus * area;
-            rod.stretch_rate[k] = rod.stretch[k] / l;
-            let mass = parameters.density * area * l;
-            rod.mass[k] += 0.5 * mass;
-            rod.mass[k + 1] += 0.5 * mass;
+        rod.mass[0].set(lane, 0.0);
+        for (k, area) in self.edge_areas().enumerate() {
+            let stretch = 0.5 * e * (self.stiffness[k] + self.stiffness[k + 1]) * area;
+            rod.rest[k].set(lane, l);
+            rod.stretch[k].set(lane, stretch);
+            rod.stretch_rate[k].set(lane, stretch / l);
+            let half = 0.5 * (parameters.density * area * l);
+            let so_far = rod.mass[k].get(lane);
+            rod.mass[k].set(lane, so_far + half);
+            rod.mass[k + 1].set(lane, half);
         }
-        let moments = self.second_moments();
-        for i in 1..self.nodes() - 1 {
-            rod.bend[i] = e * self.stiffness[i] * moments[i] / l;
-            rod.bend_damping[i] = rod.bend[i] * parameters.bending_damping;
+        for (i, moment) in self.second_moments().enumerate() {
+            let inner = i > 0 && i + 1 < self.nodes();
+            let bend = if inner { e * self.stiffness[i] * moment / l } else { 0.0 };
+            rod.bend[i].set(lane, bend);
+            rod.bend_damping[i].set(lane, bend * parameters.bending_damping);
+            let mass = rod.mass[i].get(lane);
+            rod.inverse_mass[i].set(lane, 1.0 / mass);
         }
-        for i in 0..self.nodes() {
-            rod.inverse_mass[i] = 1.0 / rod.mass[i];
-        }
-        rod.damping = parameters.damping;
-        rod
+        rod.damping.set(lane, parameters.damping);
     }
 }

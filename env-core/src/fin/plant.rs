@@ -235,7 +235,7 @@ impl<R: Real> Plant<R> {
     pub fn new(design: Design) -> Result<Self> {
         design.check()?;
         let nodes = design.geometry.nodes();
-        let perimeter = design.geometry.perimeters().into();
+        let perimeter = design.geometry.perimeters().collect();
         let mut plant = Plant {
             design: Arc::new(design),
             rod: Rod::new(nodes),
@@ -263,7 +263,7 @@ impl<R: Real> Plant<R> {
 
     /// Puts new parameters into one lane; the motion stays.
     pub fn set_parameters(&mut self, lane: usize, parameters: &Parameters) {
-        self.rod.set_lane(lane, &self.design.geometry.rod(parameters));
+        self.design.geometry.shape(parameters, &mut self.rod, lane);
         let water = parameters.water(&self.design.geometry);
         self.water.added_mass.set(lane, water.added_mass);
         self.water.drag.set(lane, water.drag);
@@ -285,12 +285,14 @@ impl<R: Real> Plant<R> {
             let s = (i as f64 - geometry.pivot as f64) * geometry.edge_length;
             Vec2::new(s * cosine, s * sine)
         };
-        let positions: Vec<Vec2<f64>> = (0..self.now.x.len()).map(place).collect();
-        let velocities = vec![Vec2::zero(); positions.len()];
-        self.set_motion(lane, &positions, &velocities, pitch);
+        for i in 0..self.now.x.len() {
+            self.now.x[i].set_lane(lane, place(i));
+            self.now.v[i].set_lane(lane, Vec2::zero());
+        }
+        self.settle(lane, pitch);
     }
 
-    /// Puts a motion into one lane, as if the fin had just been placed there; the water's momentum follows.
+    /// Puts a motion into one lane, as if the fin had just been placed there.
     pub fn set_motion(
         &mut self,
         lane: usize,
@@ -302,6 +304,11 @@ impl<R: Real> Plant<R> {
             self.now.x[i].set_lane(lane, positions[i]);
             self.now.v[i].set_lane(lane, velocities[i]);
         }
+        self.settle(lane, pitch);
+    }
+
+    /// After a lane's fin was moved by hand: the water's momentum follows, what was before is forgotten.
+    fn settle(&mut self, lane: usize, pitch: f64) {
         let mut momentum = std::mem::take(&mut self.work.momentum);
         self.water_momentum(&self.now.x, &self.now.v, &mut momentum);
         for (p, q) in self.now.p.iter_mut().zip(&momentum) {
@@ -309,7 +316,7 @@ impl<R: Real> Plant<R> {
         }
         self.work.momentum = momentum;
         // `before` is kept finite although it is not read, so that snapshots of equal states are equal.
-        for i in 0..positions.len() {
+        for i in 0..self.now.x.len() {
             self.before.x[i].set_lane(lane, self.now.x[i].lane(lane));
             self.before.v[i].set_lane(lane, self.now.v[i].lane(lane));
             self.before.p[i].set_lane(lane, self.now.p[i].lane(lane));

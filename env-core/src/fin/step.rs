@@ -22,6 +22,8 @@ const HALVINGS: u32 = 6;
 pub(super) struct Workspace<R> {
     star: Instant<R>,
     next: Instant<R>,
+    /// Before a step that is taken in parts.
+    start: Instant<R>,
     residual: Vec<Vec2<R>>,
     pub(super) momentum: Vec<Vec2<R>>,
     matrix: Banded<R>,
@@ -36,6 +38,7 @@ impl<R: Real> Workspace<R> {
         Workspace {
             star: Instant::new(nodes),
             next: Instant::new(nodes),
+            start: Instant::new(nodes),
             residual: vec![Vec2::zero(); nodes],
             momentum: vec![Vec2::zero(); nodes],
             matrix: Banded::new(nodes),
@@ -57,13 +60,10 @@ impl<R: Real> Plant<R> {
             Scheme::Bdf2 => self.history,
         };
         let mut work = std::mem::replace(&mut self.work, Workspace::new(0));
-        let (mut taken, loads) = self.attempt(&mut work, pitch, dt, bdf2);
+        let (taken, loads) = self.attempt(&mut work, pitch, dt, bdf2);
         self.accept(taken, &mut work, pitch, &loads);
         self.work = work;
-        if !taken.all() {
-            self.step_in_parts(&mut taken, pitch);
-        }
-        taken
+        if taken.all() { taken } else { taken.or(self.step_in_parts(taken.not(), pitch)) }
     }
 
     /// Solves for the end of a step of `dt` seconds into `work.next`; BDF2 where `bdf2` is 1, backward
@@ -197,57 +197,44 @@ impl<R: Real> Plant<R> {
         self.loads = Loads::select(mask, loads, &self.loads);
     }
 
-    /// Takes the step again in smaller parts, one lane at a time, where it has not been taken.
+    /// Takes the step again where it has not been taken, in 2, 4, ... parts of backward Euler with the pitch
+    /// interpolated; the loads are means over the parts. Returns where that went well; elsewhere the fin
+    /// keeps its state.
     #[cold]
     #[inline(never)]
-    fn step_in_parts(&mut self, taken: &mut R::Mask, pitch: R) {
-        for lane in 0..R::LANES {
-            if taken.get(lane) {
-                continue;
-            }
-            let mut single = self.lane(lane);
-            if single.step_halved(pitch.get(lane)) {
-                taken.set(lane, true);
-                self.copy_lane(lane, &mut single);
-            }
-        }
-    }
-
-    /// Copies the motion and loads of a single fin into one lane.
-    fn copy_lane(&mut self, lane: usize, single: &mut Plant<f64>) {
-        let mut numbers = Vec::new();
-        single.visit(&mut |x| numbers.push(*x));
-        let mut next = numbers.into_iter();
-        self.visit(&mut |x| x.set(lane, next.next().expect("both fins have the same nodes")));
-    }
-}
-
-impl Plant<f64> {
-    /// The step in 2, 4, ... parts of backward Euler with the pitch interpolated; false, with
-    /// the fin left somewhere on the way, when the smallest parts fail too. The loads are means over the parts.
-    fn step_halved(&mut self, pitch: f64) -> bool {
-        let (start, from) = (self.now.clone(), self.pitch);
-        let mut work = Workspace::new(self.nodes());
+    fn step_in_parts(&mut self, failed: R::Mask, pitch: R) -> R::Mask {
+        let mut work = std::mem::replace(&mut self.work, Workspace::new(0));
+        let from = self.pitch;
+        work.start.take(R::Mask::splat(true), &self.now);
+        let mut left = failed;
         for halving in 1..=HALVINGS {
             let parts = 1u32 << halving;
             let dt = self.design.physics_dt / f64::from(parts);
             let mut mean = Loads::default();
-            let done = (1..=parts).all(|part| {
-                let s = f64::from(part) / f64::from(parts);
-                let target = from + s * (pitch - from);
-                let (taken, loads) = self.attempt(&mut work, target, dt, 0.0);
-                mean.add(1.0 / f64::from(parts), &loads);
-                self.accept(taken, &mut work, target, &loads);
-                taken
-            });
-            if done {
-                self.before = start;
-                self.loads = mean;
-                return true;
+            let mut going = left;
+            for part in 1..=parts {
+                let share = R::splat(f64::from(part) / f64::from(parts));
+                let target = from + share * (pitch - from);
+                let (taken, loads) = self.attempt(&mut work, target, dt, R::zero());
+                going = going.and(taken);
+                if !going.any() {
+                    break;
+                }
+                mean.add(R::splat(1.0 / f64::from(parts)), &loads);
+                self.now.take(going, &work.next);
+                self.pitch = R::select(going, target, self.pitch);
             }
-            self.now = start.clone();
-            self.pitch = from;
+            self.before.take(going, &work.start);
+            self.history = R::select(going, R::one(), self.history);
+            self.loads = Loads::select(going, &mean, &self.loads);
+            left = left.and(going.not());
+            self.now.take(left, &work.start);
+            self.pitch = R::select(left, from, self.pitch);
+            if !left.any() {
+                break;
+            }
         }
-        false
+        self.work = work;
+        failed.and(left.not())
     }
 }

@@ -83,12 +83,29 @@ impl<R: Real> Rod<R> {
 
     /// Copies one lane out.
     pub fn lane(&self, lane: usize) -> Rod<f64> {
-        let mut numbers = Vec::new();
-        self.clone().visit(&mut |x| numbers.push(x.get(lane)));
-        let mut rod = Rod::<f64>::new(self.nodes());
-        let mut next = numbers.into_iter();
-        rod.visit(&mut |x| *x = next.next().expect("both rods have the same nodes"));
+        let mut rod = Rod::new(self.nodes());
+        self.read_lane(lane, &mut rod);
         rod
+    }
+
+    /// Copies one lane into a rod of the same number of nodes; no memory is taken.
+    pub fn read_lane(&self, lane: usize, rod: &mut Rod<f64>) {
+        let pairs = [
+            (&mut rod.rest, &self.rest),
+            (&mut rod.stretch, &self.stretch),
+            (&mut rod.stretch_rate, &self.stretch_rate),
+            (&mut rod.bend, &self.bend),
+            (&mut rod.bend_damping, &self.bend_damping),
+            (&mut rod.mass, &self.mass),
+            (&mut rod.inverse_mass, &self.inverse_mass),
+        ];
+        for (to, from) in pairs {
+            for (slot, value) in to.iter_mut().zip(from) {
+                *slot = value.get(lane);
+            }
+        }
+        rod.damping = self.damping.get(lane);
+        rod.gravity = self.gravity.get(lane);
     }
 
     /// Copies a rod of the same number of nodes into one lane; no memory is taken.
@@ -240,14 +257,18 @@ impl<R: Real> Motion<R> {
         self.a_before.copy_from_slice(&other.a_before);
     }
 
-    /// Copies one lane out.
-    pub fn lane(&self, lane: usize) -> Motion<f64> {
-        let pick = |v: &[Vec2<R>]| v.iter().map(|p| p.lane(lane)).collect();
-        Motion {
-            x: pick(&self.x),
-            v: pick(&self.v),
-            a: pick(&self.a),
-            a_before: pick(&self.a_before),
+    /// Copies one lane into a motion of the same number of nodes; no memory is taken.
+    pub fn read_lane(&self, lane: usize, motion: &mut Motion<f64>) {
+        let pairs = [
+            (&mut motion.x, &self.x),
+            (&mut motion.v, &self.v),
+            (&mut motion.a, &self.a),
+            (&mut motion.a_before, &self.a_before),
+        ];
+        for (to, from) in pairs {
+            for (p, q) in to.iter_mut().zip(from) {
+                *p = q.lane(lane);
+            }
         }
     }
 

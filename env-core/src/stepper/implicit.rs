@@ -63,13 +63,13 @@ impl<R: Real> Workspace<R> {
         }
     }
 
-    /// The motion of one lane before the last step, without what the stepper knew of its acceleration.
-    pub fn before(&self, lane: usize) -> Motion<f64> {
-        let mut motion = Motion::new(self.start.len());
+    /// Reads the motion of one lane before the last step, without what the stepper knew of its acceleration.
+    pub fn read_start(&self, lane: usize, motion: &mut Motion<f64>) {
         for (i, [x, v]) in self.start.iter().enumerate() {
             (motion.x[i], motion.v[i]) = (x.lane(lane), v.lane(lane));
         }
-        motion
+        motion.a.fill(Vec2::zero());
+        motion.a_before.fill(Vec2::zero());
     }
 }
 

@@ -41,16 +41,38 @@ pub struct Integrator<R> {
     /// Where a run of Verlet steps began.
     saved: Motion<R>,
     work: Workspace<R>,
+    spare: Spare,
+}
+
+/// Memory to repeat a step of one lane in smaller parts.
+#[derive(Clone, Debug)]
+struct Spare {
+    rod: Rod<f64>,
+    /// Before the step, now, and before the part that is being tried.
+    before: Motion<f64>,
+    now: Motion<f64>,
+    part: Motion<f64>,
+    work: Workspace<f64>,
 }
 
 impl<R: Real> Integrator<R> {
     /// For rods of `nodes` nodes and steps of `dt` \[s\].
     pub fn new(scheme: Scheme, dt: f64, nodes: usize) -> Self {
-        let (saved, work) = match scheme {
-            Scheme::Verlet => (Motion::new(nodes), Workspace::default()),
-            _ => (Motion::default(), Workspace::new(nodes)),
-        };
-        Integrator { scheme, dt, saved, work }
+        let motion = || Motion::new(nodes);
+        let verlet = scheme == Scheme::Verlet;
+        Integrator {
+            scheme,
+            dt,
+            saved: if verlet { Motion::new(nodes) } else { Motion::default() },
+            work: if verlet { Workspace::default() } else { Workspace::new(nodes) },
+            spare: Spare {
+                rod: Rod::new(nodes),
+                before: motion(),
+                now: motion(),
+                part: motion(),
+                work: if verlet { Workspace::default() } else { Workspace::new(nodes) },
+            },
+        }
     }
 
     /// To be called when positions and velocities were set from outside: fills what is carried between
@@ -107,13 +129,12 @@ impl<R: Real> Integrator<R> {
             if done.get(lane) && sound.get(lane) {
                 continue;
             }
-            let before = self.work.before(lane);
-            let mut after = before.clone();
-            let mut work = Workspace::new(rod.nodes());
-            let (rod, drive) = (rod.lane(lane), drive.lane(lane));
+            self.work.read_start(lane, &mut self.spare.before);
+            rod.read_lane(lane, &mut self.spare.rod);
+            self.spare.now.copy_from(&self.spare.before);
             let repaired = sound.get(lane)
-                && in_halves(method, &rod, &mut after, &drive, self.dt, HALVINGS, &mut work);
-            motion.set_lane(lane, if repaired { &after } else { &before });
+                && self.spare.in_halves(method, &drive.lane(lane), self.dt, HALVINGS);
+            motion.set_lane(lane, if repaired { &self.spare.now } else { &self.spare.before });
             done.set(lane, repaired);
         }
         done
@@ -143,46 +164,39 @@ impl<R: Real> Integrator<R> {
         steps: usize,
         mut sound: R::Mask,
     ) -> R::Mask {
-        for lane in (0..R::LANES).filter(|&lane| !sound.get(lane)).collect::<Vec<_>>() {
-            let before = self.saved.lane(lane);
-            let rod = rod.lane(lane);
-            let mut after = before.clone();
+        for lane in 0..R::LANES {
+            if sound.get(lane) {
+                continue;
+            }
+            let Spare { rod: single, before, now, .. } = &mut self.spare;
+            self.saved.read_lane(lane, before);
+            rod.read_lane(lane, single);
             let repaired = (1..=VERLET_HALVINGS).any(|halvings| {
                 let parts = 1usize << halvings;
-                after.copy_from(&before);
+                now.copy_from(before);
                 let dt = self.dt / parts as f64;
-                verlet(&rod, &mut after, torque.get(lane), dt, steps * parts)
+                verlet(single, now, torque.get(lane), dt, steps * parts)
             });
-            motion.set_lane(lane, if repaired { &after } else { &before });
+            motion.set_lane(lane, if repaired { now } else { before });
             sound.set(lane, repaired);
         }
         sound
     }
 }
 
-/// Takes a step of `dt` as two halves, each of which may be halved again.
-fn in_halves<D: Drive<f64>>(
-    method: Method,
-    rod: &Rod<f64>,
-    motion: &mut Motion<f64>,
-    drive: &D,
-    dt: f64,
-    depth: u32,
-    work: &mut Workspace<f64>,
-) -> bool {
-    let before = motion.clone();
-    for _ in 0..2 {
-        let start = motion.clone();
-        if implicit::step(method, rod, motion, drive, 0.5 * dt, work) {
-            continue;
-        }
-        motion.copy_from(&start);
-        if depth == 0 || !in_halves(method, rod, motion, drive, 0.5 * dt, depth - 1, work) {
-            motion.copy_from(&before);
-            return false;
-        }
+impl Spare {
+    /// Takes a step of `dt` as two halves, each of which may be halved again. False: `now` is not valid.
+    fn in_halves<D: Drive<f64>>(&mut self, method: Method, drive: &D, dt: f64, depth: u32) -> bool {
+        (0..2).all(|_| {
+            self.part.copy_from(&self.now);
+            let Spare { rod, now, work, .. } = self;
+            if implicit::step(method, rod, now, drive, 0.5 * dt, work) {
+                return true;
+            }
+            self.now.copy_from(&self.part);
+            depth > 0 && self.in_halves(method, drive, 0.5 * dt, depth - 1)
+        })
     }
-    true
 }
 
 impl Integrator<f64> {
