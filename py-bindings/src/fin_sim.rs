@@ -6,7 +6,7 @@ use crate::sim::{in_parts, pairs};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::sync::MutexExt;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyTuple};
 use rodgym_core::fin::{Fin, Parameters};
 use serde_json::Value;
 use std::sync::{Mutex, MutexGuard};
@@ -144,6 +144,17 @@ impl FinSimulation {
         dict.set_item("fluid", energy.fluid)?;
         dict.set_item("total", energy.kinetic + energy.stretch + energy.bend + energy.fluid)?;
         Ok(dict)
+    }
+
+    /// Pickling keeps the state: keywords first, then every number that the future depends on.
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
+        let (py, this) = (slf.py(), slf.get());
+        let state = this.lock(py)?.snapshot();
+        (slf.get_type(), (this.config(py)?,), state).into_pyobject(py)
+    }
+
+    fn __setstate__(&self, py: Python<'_>, state: (Vec<f64>, u64)) -> PyResult<()> {
+        self.lock(py)?.restore(&state.0, state.1).or_raise()
     }
 
     /// An independent copy, as it is now.

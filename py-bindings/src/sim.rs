@@ -5,7 +5,7 @@ use crate::errors::{OrRaise, raise, to_py};
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::sync::MutexExt;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyTuple};
 use rodgym_core::Error;
 use rodgym_core::pendulum::{Linear, PARAMETERS, Simulation};
 use serde_json::Value;
@@ -136,6 +136,17 @@ impl PendulumSimulation {
         let matrix =
             |values, rows, columns| PyArray1::from_vec(py, values).reshape([rows, columns]);
         Ok((matrix(a, states, states)?, matrix(b, states, 1)?, matrix(c, outputs, states)?))
+    }
+
+    /// Pickling keeps the state: keywords first, then every number that the future depends on.
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
+        let (py, this) = (slf.py(), slf.get());
+        let state = this.lock(py)?.snapshot();
+        (slf.get_type(), (this.config(py)?,), state).into_pyobject(py)
+    }
+
+    fn __setstate__(&self, py: Python<'_>, state: (Vec<f64>, u64)) -> PyResult<()> {
+        self.lock(py)?.restore(&state.0, state.1).or_raise()
     }
 
     /// An independent copy, as it is now.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 import warnings
 
 import gymnasium as gym
@@ -107,6 +109,55 @@ def test_attributes_and_methods_reach_each_environment():
     assert env.get_attr("render_mode") == [None] * 3
     with pytest.raises(AttributeError, match="wings"):
         env.get_attr("wings")
+
+
+@pytest.mark.parametrize("steps", [None, 7, -1])
+def test_each_environment_has_the_spec_that_gym_make_gives_it(steps):
+    kwargs = {"width": 0.0081, "randomize": {"density": (1400.0, 1500.0)}}
+    ours, oracle = pair(SWING_UP, steps, render_mode="rgb_array", **kwargs)
+    assert ours.get_attr("spec") == oracle.get_attr("spec")
+    spec = ours.get_attr("spec", indices=1)[0]
+    # JSON writes tuples as lists; the environment is the same.
+    again = gym.make(gym.envs.registration.EnvSpec.from_json(spec.to_json()))
+    assert again.unwrapped.config == ours.get_attr("config")[0]
+    again.reset(seed=3)
+    ours.seed(3)
+    ours.reset()
+    assert again.unwrapped.get_state() == ours.env_method("get_state", indices=0)[0]
+    for name in ("metadata", "render_mode", "observation_space", "action_space", "control_dt"):
+        assert ours.has_attr(name) and oracle.has_attr(name)
+        assert ours.get_attr(name) == oracle.get_attr(name)
+    assert ours.get_attr("unwrapped") == ours.members
+
+
+@pytest.mark.parametrize("monitor", [True, False])
+@pytest.mark.parametrize("twin_of", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+def test_a_pickled_or_copied_batch_goes_on_to_the_bit(monitor, twin_of, rng, tmp_path):
+    path = str(tmp_path / "log") if monitor else None
+    env = make_vec_env(
+        SWING_UP, N, seed=5, monitor=monitor, monitor_dir=path, max_episode_steps=9, **RANDOM
+    )
+    fresh = twin_of(env)
+    assert_same(fresh.reset(), env.reset())
+    actions = actions_for(rng, 40, N)
+    for action in actions[:13]:
+        env.step(action)
+    twin = twin_of(env)
+    assert twin.get_attr("spec") == env.get_attr("spec")
+
+    def timeless(step):
+        for info in step[3]:
+            info.get("episode", {}).pop("t", None)
+        return step
+
+    for t, action in enumerate(actions[13:]):
+        assert_same(timeless(twin.step(action)), timeless(env.step(action)), f"step {t}")
+    assert_same(twin.reset_infos, env.reset_infos)
+    if monitor:
+        assert_same(twin.episode_returns, env.episode_returns)
+        env.close()
+        # Only the first one writes: two headers and four episodes of each environment.
+        assert len((tmp_path / "log.monitor.csv").read_text().splitlines()) == 2 + 4 * N
 
 
 def test_monitor_counts_returns(tmp_path):

@@ -210,6 +210,29 @@ impl Fin {
         Ok(())
     }
 
+    /// Every number that the future depends on, and the steps since the state was set; `restore` takes them.
+    pub fn snapshot(&self) -> (Vec<f64>, u64) {
+        let mut numbers = Vec::new();
+        self.plant.clone().visit(&mut |x| numbers.push(*x));
+        (numbers, self.steps)
+    }
+
+    /// Goes on where a fin of the same keywords was at its `snapshot`.
+    ///
+    /// # Errors
+    /// Not as many numbers as this fin has; nothing changes then.
+    pub fn restore(&mut self, numbers: &[f64], steps: u64) -> Result<()> {
+        let wanted = self.snapshot().0.len();
+        if numbers.len() != wanted {
+            let got = numbers.len();
+            return Err(Error::snapshot(format!("{got} numbers, but this fin has {wanted}")));
+        }
+        let mut next = numbers.iter();
+        self.plant.visit(&mut |x| *x = *next.next().expect("counted above"));
+        self.steps = steps;
+        Ok(())
+    }
+
     /// Forces and energies in any motion; the fin itself is not touched.
     ///
     /// # Errors

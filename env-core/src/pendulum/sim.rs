@@ -231,6 +231,29 @@ impl Simulation {
         energy(&self.rod, &self.motion.x, &self.motion.v)
     }
 
+    /// Every number that the future depends on, and the steps since the state was set; `restore` takes them.
+    pub fn snapshot(&self) -> (Vec<f64>, u64) {
+        let mut numbers = Vec::new();
+        self.motion.clone().visit(&mut |x| numbers.push(*x));
+        (numbers, self.steps)
+    }
+
+    /// Goes on where a simulation of the same keywords was at its `snapshot`.
+    ///
+    /// # Errors
+    /// Not as many numbers as this rod has; nothing changes then.
+    pub fn restore(&mut self, numbers: &[f64], steps: u64) -> Result<()> {
+        let wanted = self.snapshot().0.len();
+        if numbers.len() != wanted {
+            let got = numbers.len();
+            return Err(Error::snapshot(format!("{got} numbers, but this rod has {wanted}")));
+        }
+        let mut next = numbers.iter();
+        self.motion.visit(&mut |x| *x = *next.next().expect("counted above"));
+        self.steps = steps;
+        Ok(())
+    }
+
     /// The linear motion near the present state, for a base torque near `torque` \[N m\]. Poles and the like mean
     /// something where the state is an equilibrium; upright, every edge is a little shorter than at
     /// rest, by the weight above it, and without that gravity would not turn the rod over.

@@ -160,6 +160,11 @@ class Member(Machine):
         self._render_size = render_size
         self.render_mode = render_mode
 
+    @property
+    def unwrapped(self) -> Member:
+        """Itself: there are no wrappers in a batch."""
+        return self
+
     def render(self) -> Frame | None:
         """The picture, if the batch was made with render_mode="rgb_array"."""
         return self.frame() if self.render_mode == "rgb_array" else None

@@ -5,9 +5,12 @@ Needs `pip install "rodgym[train]"`.
 
 from __future__ import annotations
 
+import copy
+import inspect
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
+import gymnasium as gym
 import numpy as np
 import numpy.typing as npt
 
@@ -18,13 +21,13 @@ except ImportError as error:  # pragma: no cover
 
 from rodgym import _native
 from rodgym._batch import Result, SeededBatch
-from rodgym._machine import Member, box
+from rodgym._machine import Member, box, plain
 from rodgym._registration import ENVIRONMENTS
 
 if TYPE_CHECKING:
-    import gymnasium as gym
+    from gymnasium.envs.registration import EnvSpec
 
-__all__ = ["RodVecEnv", "make_vec_env"]
+__all__ = ["Monitor", "RodVecEnv", "make_vec_env"]
 
 Indices = int | Iterable[int] | None
 
@@ -48,7 +51,7 @@ def make_vec_env(
         seed: seed of the first reset; environment i takes seed + i.
         monitor_dir: file prefix for `VecMonitor`'s CSV of returns.
         env_kwargs: keywords of the environment, for callers that keep them apart.
-        monitor: wrap in `VecMonitor`, so that learning curves have returns.
+        monitor: wrap in a `Monitor`, so that learning curves have returns.
         server: address such as `"tcp://host:5555"` of a `rodgym serve` that computes the batch;
             then `keys`, `server_key`, `timeout` and `recover` as for `rodgym.remote.connect`.
         **kwargs: more keywords of the environment, and those of `RodVecEnv`: `num_threads`,
@@ -64,7 +67,22 @@ def make_vec_env(
         env = RemoteVecEnv(server, env_id, n_envs, **kwargs)
     if seed is not None:
         env.seed(seed)
-    return VecMonitor(env, monitor_dir) if monitor else env
+    return Monitor(env, monitor_dir) if monitor else env
+
+
+class Monitor(VecMonitor):
+    """A `VecMonitor` that pickles and copies, as the environments inside do.
+
+    A copy goes on counting where this one was, but writes no CSV: the file is the first one's.
+    """
+
+    def __getstate__(self) -> dict[str, Any]:
+        # What Stable-Baselines3 keeps of its own class for look-ups cannot be pickled.
+        return {**self.__dict__, "class_attributes": None, "results_writer": None}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self.class_attributes = dict(inspect.getmembers(type(self)))
 
 
 class RodVecEnv(VecEnv):
@@ -116,11 +134,26 @@ class RodVecEnv(VecEnv):
         self._metrics: list[str] = about["metrics"]
         self._parameters: list[str] = [parameter["name"] for parameter in about["parameters"]]
         self._actions: npt.NDArray[Any] | None = None
+        #: How `gym.make` would make one of the environments; keywords in types that JSON knows.
+        self.spec = self._describe(env_id, {**kwargs, "render_size": render_size})
+        if self.spec is not None:
+            self.spec.max_episode_steps = max_episode_steps
+            if render_mode is not None:
+                self.spec.kwargs["render_mode"] = render_mode
         super().__init__(self._batch.num_envs, box(about["observation"]), box(about["action"]))
         self.metadata["render_fps"] = round(1.0 / about["control_dt"])
 
     def _open(self, *args: Any) -> SeededBatch:
         return SeededBatch(*args)
+
+    def _describe(self, env_id: str, kwargs: dict[str, Any]) -> EnvSpec | None:
+        """The registered spec with these keywords, those left out not among them."""
+        if env_id not in gym.registry:
+            return None
+        spec = copy.deepcopy(gym.registry[env_id])
+        given = {key: value for key, value in kwargs.items() if value is not None}
+        spec.kwargs = plain({**spec.kwargs, **given})
+        return spec
 
     @property
     def members(self) -> list[Member]:

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import os
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rodgym._batch import SeededBatch
+from rodgym._registration import REMOTE
 from rodgym.remote.envs import RemoteSeededBatch, make_address
 from rodgym.sb3 import RodVecEnv
+
+if TYPE_CHECKING:
+    from gymnasium.envs.registration import EnvSpec
 
 
 class RemoteVecEnv(RodVecEnv):
@@ -30,6 +34,12 @@ class RemoteVecEnv(RodVecEnv):
 
     def _open(self, *args: Any) -> SeededBatch:
         return RemoteSeededBatch(*self._remote, *args)
+
+    def _describe(self, env_id: str, kwargs: dict[str, Any]) -> EnvSpec | None:
+        address, recover = self._remote
+        where = {"server": address.server, "keys": address.keys, "server_key": address.server_key}
+        there = {**where, "timeout": address.timeout, "recover": recover, "env_id": env_id}
+        return super()._describe(REMOTE, {**there, **kwargs})
 
     def close(self) -> None:
         """Gives the session back."""
