@@ -18,13 +18,15 @@ fn serve(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
     py.detach(|| rodgym_server::net::cli::main(arguments))
 }
 
-/// This build has no server.
+/// This build has no server: it explains the options, and says how to get one.
 #[cfg(not(feature = "server"))]
 #[pyfunction]
 fn serve(arguments: Vec<OsString>) -> PyResult<u8> {
-    let _ = arguments;
-    Err(raise(
-        "RodgymError",
-        "this build of rodgym has no network server, wheels do; in a clone `make server` adds it (some minutes, once)",
-    ))
+    const HELP: &str = include_str!("../../env-server/src/net/help.txt");
+    const MISSING: &str = "this build of rodgym has no network server, wheels do; in a clone `make server` adds it (some minutes, once)";
+    if arguments.iter().any(|word| word == "-h" || word == "--help") {
+        print!("{HELP}\nBut {MISSING}.\n");
+        return Ok(0);
+    }
+    Err(raise("RodgymError", MISSING))
 }

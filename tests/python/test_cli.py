@@ -76,11 +76,32 @@ def test_help_does_not_load_heavy_packages() -> None:
         (["train", "--algorithm", "DQN"], "DQN"),
         (["train", "--set", "n_envs=none"], "n_envs"),
         (["train", "--set", "speed=3"], "speed"),
+        (["train", "--set", "learning_rate=abc"], "learning_rate = 'abc' is not allowed for PPO"),
+        (["train", "--set", "learning_rate=lin_fast"], "'lin_fast' must be lin_ and a number"),
+        (["train", "--set", "learning_rate=-1"], "Invalid learning rate"),
+        (["train", "--set", "use_sde=3"], "it must be true or false"),
+        (["train", "--set", "n_epochs=0"], "n_epochs = 0"),
+        (["train", "--set", "n_steps=1.5"], "a whole number of at least 1"),
+        (["train", "--set", "target_kl=low"], "a number or null"),
+        (["train", "--set", "policy=Foo"], "Policy Foo unknown"),
+        (["train", "--set", "policy_kwargs=3"], "it must be a mapping"),
+        (["train", "--set", 'policy_kwargs={"activation_fn": "Foo"}'], "'Foo' is no class"),
+        (["train", "--set", "frame_stack=100000"], "at most 1000"),
+        (["train", "--set", "seed=4"], "'seed' is no hyperparameter of PPO"),
+        (["train", "--env-arg", "width=-1"], "width"),
+        (["train", "--runs", __file__, "--steps", "1"], "Not a directory"),
         (["train", "--recipe", "missing.yml"], "missing.yml"),
         (["compare", "--controller", "pid"], "pid"),
+        (["compare", "--policy", ""], "'' names no policy"),
+        (["compare", "--policy", "zoo", "--steps", "5", "--set", "gamma=1"], "--steps, --set"),
+        (["compare", "--policy", "zoo", "--seed", "0"], "--seed: nothing is trained"),
+        (["evaluate", "lqr", "--env", "rodgym/Remote-v0"], "server=tcp://HOST:5555"),
+        (["compare", "--env", "Remote", "--env-arg", "server=tcp://a:1"], "env_id=ID"),
+        (["list", "Remote"], "any environment of a server"),
         (["render", "lqr"], "--show"),
         (["render", "lqr", "film.mov"], "film.mov"),
         (["render", "lqr", "no/such/folder.gif"], "no/such"),
+        (["render", "lqr", "strip.png", "--stills", "100000"], "'100000' is more than 100"),
         (["dance"], "dance"),
     ],
 )
@@ -95,12 +116,20 @@ def test_bad_input_is_refused_in_one_sentence_with_code_2(
     assert code == 2
     assert said in error.splitlines()[-1]
     assert "Traceback" not in error
+    # What was refused leaves nothing behind.
+    assert not Path("runs").exists()
+
+
+def test_a_folder_is_not_written_over(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("film.gif").mkdir()
+    assert main(["render", "lqr", "film.gif"]) == 2
+    assert "it is a folder" in capsys.readouterr().err
 
 
 def test_list_shows_every_registered_environment(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["list"]) == 0
     shown = capsys.readouterr().out
-    for name in rodgym.ENVIRONMENTS:
+    for name in (*rodgym.ENVIRONMENTS, "rodgym/Remote-v0"):
         assert name in shown
 
 

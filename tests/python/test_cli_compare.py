@@ -188,6 +188,44 @@ def test_a_policy_for_other_observations_is_refused(capsys: pytest.CaptureFixtur
     assert "was trained in rodgym/PendulumSwingUp-v0 and sees 18 numbers" in capsys.readouterr().err
 
 
+def test_an_earlier_policy_is_kept_unless_forced(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["train", *SMALL, "--name", "mine"]) == 0
+    policy = Path("runs/mine/policy.zip")
+    before = policy.read_bytes()
+    for command in ("train", "compare", "demo"):
+        assert main([command, *SMALL, "--seed", "1", "--name", "mine"]) == 2
+        assert "choose another --name, or give --force" in capsys.readouterr().err
+        assert policy.read_bytes() == before
+    assert main(["train", *SMALL, "--seed", "1", "--name", "mine", "--force"]) == 0
+    assert read_card(policy)["seed"] == 1
+    # The tour may be taken again.
+    for _ in range(2):
+        assert main(["demo", *SMALL, "--seeds", "1"]) == 0
+
+
+def test_a_training_says_what_it_makes_of_its_steps(capsys: pytest.CaptureFixture[str]) -> None:
+    """Stable-Baselines3 learns in whole rollouts: 8 environments times 32 steps here."""
+    assert main(["train", *SMALL[:-2], "--steps", "300", "--name", "odd"]) == 0
+    shown = capsys.readouterr()
+    assert "300 steps become 512" in shown.err and "every 256 steps" in shown.err
+    assert "trained for 512 steps" in shown.out
+    assert main(["train", *SMALL, "--name", "even"]) == 0
+    assert "become" not in capsys.readouterr().err
+
+
+def test_an_algorithm_without_a_recipe_says_so_and_trains(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    arguments = ["--algorithm", "TD3", "--steps", "64", "--set", "learning_starts=32"]
+    assert main(["train", *arguments, "--name", "td3"]) == 0
+    shown = capsys.readouterr()
+    assert "no recipe for TD3" in shown.err and "defaults of Stable-Baselines3" in shown.err
+    card = read_card(Path("runs/td3/policy.zip"))
+    assert card["algorithm"] == "TD3" and card["steps"] == 64
+    # As many learning steps as environment steps, as with one environment.
+    assert card["recipe"]["n_envs"] == 8 and card["recipe"]["gradient_steps"] == -1
+
+
 def test_the_same_seed_trains_the_same_agent() -> None:
     for name in ("one", "two"):
         assert main(["train", *SMALL, "--seed", "4", "--name", name]) == 0

@@ -2,12 +2,15 @@
 
 import csv
 import itertools
+import sys
 from pathlib import Path
 
 import pytest
+import rodgym
 
 pytest.importorskip("yaml")
 
+from rodgym.cli import main
 from rodgym.study import StudyError, local, plans, read, run_case, run_study
 from rodgym.study.plot import draw
 from rodgym.study.spec import parse
@@ -134,10 +137,19 @@ def test_a_seed_names_the_first_episode_of_a_case():
         ({"sweep": {"policy": [7]}}, "policy = 7"),
         ({"sweep": {"policy": "lqr", "seed": [0, -1]}}, "seed = -1"),
         ({"sweep": {"policy": "lqr", "env.width": {"from": 0, "to": 1}}}, "from, to and steps"),
+        ({"env": "CartPole-v1"}, "unknown environment 'CartPole-v1'"),
+        ({"plot": {"x": "env.width"}}, "needs x and value"),
+        ({"plot": {"x": "env.wdth", "value": "upright"}}, "x = 'env.wdth' is no column"),
+        ({"plot": {"x": "env.width", "value": "thrust"}}, "value = 'thrust' is no column"),
+        ({"plot": {"x": "policy", "value": "upright"}}, "must be numbers, but has 'lqr'"),
+        (
+            {"plot": {"x": "env.width", "y": "start.angle", "value": "upright", "line": "policy"}},
+            "has no line",
+        ),
     ],
 )
 def test_what_is_no_study_is_refused(change, message):
-    with pytest.raises(StudyError, match=message):
+    with pytest.raises(rodgym.RodgymError, match=message):
         parse({**CONTENT, **change}, "bad")
 
 
@@ -168,3 +180,14 @@ def test_a_map_and_lines_are_drawn(study, finished, tmp_path):
     assert (tmp_path / "band.png").read_bytes() != (tmp_path / "lines.png").read_bytes()
     with pytest.raises(StudyError, match="'nothing' is no column"):
         draw(parse({**CONTENT, "plot": {**plot, "x": "nothing"}}, "bad"), rows, tmp_path / "x.png")
+
+
+def test_a_study_that_could_not_be_drawn_is_not_run(tmp_path, monkeypatch, capsys):
+    """Without matplotlib the program says so at once and leaves no folder."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    monkeypatch.delitem(sys.modules, "rodgym.study.plot", raising=False)
+    monkeypatch.delitem(sys.modules, "rodgym.report.style", raising=False)
+    assert main(["study", "width"]) == 2
+    assert "rodgym[train]" in capsys.readouterr().err
+    assert not (tmp_path / "runs").exists()

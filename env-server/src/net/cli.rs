@@ -7,32 +7,8 @@ use std::io::Write;
 use std::path::PathBuf;
 use tracing::Level;
 
-const HELP: &str = "\
-Serves rod environments over ZeroMQ (docs/protocol.md).
-
-Usage: rodgym-server [OPTIONS]
-       rodgym-server keygen DIR      makes a key pair for CURVE
-
-Options:
-  --bind ADDRESS         tcp://HOST:PORT or ipc://PATH [tcp://127.0.0.1:5555]; port 0: a free one
-  --keys DIR             encrypt with DIR/secret.key, admit DIR/authorized/NAME.key
-  --insecure-no-auth     serve other machines without keys
-  --http HOST:PORT       /metrics, /healthz, /readyz on a loopback port
-  --live                 show the rods moving on that port
-  --workers N            threads that compute [1 on up to 3 cores, else cores - 1]
-  --threads N            threads of one step [1]
-  --max-sessions N       of all users [256]
-  --max-user-sessions N  of one user [32]
-  --max-envs N           of one session [4096]
-  --max-message-mib N    of one frame [16]
-  --idle-seconds N       before an unused session is dropped [600]
-  --limit NAME=N         any other: header_bytes [4096], frames [8] of a request, window [16, at
-                         most 32], handshake_ms [2000], backlog [1024], linger_ms [500]
-  --log LEVEL            error, warn, info, debug [info]; also from RODGYM_LOG
-  --log-json             one JSON object a line
-  -h, --help
-  -V, --version
-";
+/// What `--help` shows; a build of the Python extension without server shows it too.
+const HELP: &str = include_str!("help.txt");
 
 enum Command {
     Serve(Box<Config>, Logs),

@@ -35,6 +35,8 @@ class RunError(rodgym.RodgymError, ValueError):
 class Run:
     """Where results land. Files of an earlier run of the same name are replaced one by one.
 
+    The folder is made when its first file is asked for, so that a run which is refused leaves none.
+
     Parameters
     ----------
     name: folder below ``root``: letters, digits, ``-``, ``_`` and ``.``
@@ -52,7 +54,6 @@ class Run:
             )
         self.root = Path(self.root)
         self.facts = {**provenance(), **self.facts}
-        self.path.mkdir(parents=True, exist_ok=True)
 
     @property
     def path(self) -> Path:
@@ -60,8 +61,23 @@ class Run:
         return self.root / self.name
 
     def file(self, name: str) -> Path:
-        """A file of this run."""
+        """A file of this run, in a folder that is there."""
+        self.path.mkdir(parents=True, exist_ok=True)
         return self.path / name
+
+    def keep_policy(self) -> None:
+        """Refuses to go on where a training would replace the policy of an earlier one.
+
+        Raises
+        ------
+        RunError: the folder has a policy
+        """
+        policy = self.path / "policy.zip"
+        if policy.exists():
+            raise RunError(
+                f"{policy} is there from an earlier training: choose another --name, "
+                "or give --force to replace it"
+            )
 
     def write_facts(self) -> None:
         """Writes ``run.json``: command, versions, machine and what was added to ``facts``."""

@@ -22,7 +22,7 @@ except ImportError as error:  # pragma: no cover
 from rodgym import _native
 from rodgym._batch import Result, SeededBatch
 from rodgym._machine import Member, box, plain
-from rodgym._registration import ENVIRONMENTS
+from rodgym._registration import ENVIRONMENTS, REMOTE
 
 if TYPE_CHECKING:
     from gymnasium.envs.registration import EnvSpec
@@ -58,6 +58,9 @@ def make_vec_env(
             `max_episode_steps`, `render_mode`, `render_size`.
     """
     kwargs = {**(env_kwargs or {}), **kwargs}
+    if env_id == REMOTE:
+        # As in `gym.make`, where server and environment are keywords.
+        server, env_id = kwargs.pop("server", server), kwargs.pop("env_id", env_id)
     env: VecEnv
     if server is None:
         env = RodVecEnv(env_id, n_envs, **kwargs)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 DEFAULT_ENV = "rodgym/PendulumSwingUp-v0"
@@ -56,6 +57,24 @@ def env_arg(text: str) -> tuple[str, Any]:
     return name, value
 
 
+def env_keywords(env: str, given: Mapping[str, Any] | Sequence[tuple[str, Any]]) -> dict[str, Any]:
+    """Keywords of the environment, by name.
+
+    Raises:
+        UsageError: an environment on a server without what it needs to be found.
+    """
+    from rodgym._registration import REMOTE
+
+    keywords = dict(given)
+    missing = [name for name in ("server", "env_id") if name not in keywords]
+    if env == REMOTE and missing:
+        raise UsageError(
+            f"{REMOTE} stands for any environment of a server: give --env-arg "
+            "server=tcp://HOST:5555 --env-arg env_id=ID (docs/remote.md)"
+        )
+    return keywords
+
+
 def seed(text: str) -> int:
     """A seed of the learning libraries."""
     try:
@@ -93,6 +112,17 @@ def positive(text: str) -> int:
     if not number >= 1 or not number.is_integer():
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of at least 1")
     return int(number)
+
+
+def at_most(most: int) -> Callable[[str], int]:
+    """A reader of whole numbers from 1 to ``most``."""
+
+    def read(text: str) -> int:
+        if (number := positive(text)) > most:
+            raise argparse.ArgumentTypeError(f"{text!r} is more than {most}")
+        return number
+
+    return read
 
 
 def add_env(parser: argparse.ArgumentParser, default: str | None = DEFAULT_ENV) -> None:

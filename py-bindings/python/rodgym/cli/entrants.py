@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from rodgym.cli.arguments import env_keywords
 from rodgym.evaluation.policies import read_card
 
 #: How a table calls the classical controllers.
@@ -42,9 +43,8 @@ def resolve_env(
 
     Keywords given by the user come on top of those of the training.
     """
-    if env_id is not None:
-        return env_id, env_kwargs
-    card = _card(source)
-    if not card:
-        return default, env_kwargs
-    return str(card["env"]), {**card.get("env_kwargs", {}), **env_kwargs}
+    if env_id is None:
+        card = _card(source)
+        env_id = str(card.get("env", default))
+        env_kwargs = {**card.get("env_kwargs", {}), **env_kwargs}
+    return env_id, env_keywords(env_id, env_kwargs)

@@ -6,7 +6,7 @@ one number per episode and column. Nothing here simulates anything.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -228,11 +228,15 @@ def beat(run: Trajectories) -> Floats:
     return np.asarray(spectrum.argmax(axis=0) / (length * run.control_dt), np.float64)
 
 
-def columns_for(metrics: Mapping[str, Floats]) -> tuple[Column, ...]:
+#: Names of all columns there are, whatever the machine.
+ALL_SCORES = frozenset(c.name for c in (*PENDULUM, *FIN, *FIN_DEMAND, *FIN_SWIM))
+
+
+def columns_for(metrics: Collection[str]) -> tuple[Column, ...]:
     """The columns of the machine that reports these metrics."""
-    if {"tip_height", "torque", "upright_error"} <= metrics.keys():
+    if {"tip_height", "torque", "upright_error"} <= set(metrics):
         return PENDULUM
-    if {"thrust", "power"} <= metrics.keys():
+    if {"thrust", "power"} <= set(metrics):
         return FIN_DEMAND if "demand" in metrics else FIN_SWIM if "hull_speed" in metrics else FIN
     return (RETURN, LENGTH)
 

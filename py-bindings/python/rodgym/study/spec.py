@@ -22,12 +22,15 @@ from __future__ import annotations
 import hashlib
 import itertools
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import rodgym
+from rodgym import _native
+from rodgym._registration import REMOTE
+from rodgym.evaluation.score import ALL_SCORES, columns_for
 
 Case = dict[str, Any]
 
@@ -130,12 +133,45 @@ def parse(content: Mapping[str, Any], name: str) -> Study:
         if not isinstance(policy, str):
             raise StudyError(f"policy = {policy!r} is not allowed: it must be a name or a file")
     plot = _mapping("plot", content.get("plot", {}))
-    _only("plot", plot, _PLOT)
+    env = str(content["env"])
+    _check_plot(plot, {**{key: [value] for key, value in fixed.items()}, **sweep}, scores_of(env))
     title = str(content.get("title", name))
-    study = Study(title, str(content["env"]), seeds, fixed, sweep, plot)
+    study = Study(title, env, seeds, fixed, sweep, plot)
     if len(study) > MAX_CASES:
         raise StudyError(f"the study has {len(study)} cases; allowed are {MAX_CASES}")
     return study
+
+
+def scores_of(env: str) -> list[str]:
+    """Columns of an environment's scores.
+
+    Raises:
+        UnknownEnvError: there is none of that id.
+    """
+    if env == REMOTE:
+        return sorted(ALL_SCORES)
+    metrics: list[str] = _native.Batch(env, 1).spec["metrics"]
+    return [column.name for column in columns_for(metrics)]
+
+
+def _check_plot(
+    plot: Mapping[str, Any], keys: Mapping[str, list[Any]], scores: Collection[str]
+) -> None:
+    """Refuses, before anything is run, a picture that could not be drawn at the end."""
+    _only("plot", plot, _PLOT)
+    if plot and not {"x", "value"} <= plot.keys():
+        raise StudyError("plot needs x and value")
+    for role, column in plot.items():
+        if column not in keys and column not in scores:
+            known = ", ".join((*keys, *scores))
+            raise StudyError(f"plot: {role} = {column!r} is no column; there are {known}")
+        if role in ("panel", "line"):
+            continue
+        for value in keys.get(column, ()):
+            if isinstance(value, bool) or not isinstance(value, int | float):
+                raise StudyError(f"plot: {role} = {column!r} must be numbers, but has {value!r}")
+    if "y" in plot and "line" in plot:
+        raise StudyError("plot: a map (x and y) has no line; use panel")
 
 
 def _mapping(name: str, value: Any) -> dict[str, Any]:

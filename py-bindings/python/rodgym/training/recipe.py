@@ -15,6 +15,10 @@ import rodgym
 
 ZOO = Path(__file__).parent.parent / "zoo"
 ALGORITHMS = ("PPO", "SAC", "TD3", "DDPG", "A2C")
+#: Observations that a policy may see at once.
+MAX_FRAMES = 1000
+#: Those that learn from a store of old steps.
+OFF_POLICY = ("SAC", "TD3", "DDPG")
 
 
 class RecipeError(rodgym.RodgymError, ValueError):
@@ -49,8 +53,10 @@ class Recipe:
             raise RecipeError(f"algorithm {self.algorithm!r} is not one of {', '.join(ALGORITHMS)}")
         for name in ("n_timesteps", "n_envs", "frame_stack"):
             value = getattr(self, name)
-            if not isinstance(value, int) or value < 1:
+            if not isinstance(value, int) or isinstance(value, bool) or value < 1:
                 raise RecipeError(f"{name} = {value!r} must be a whole number of at least 1")
+        if self.frame_stack > MAX_FRAMES:
+            raise RecipeError(f"frame_stack = {self.frame_stack} must be at most {MAX_FRAMES}")
         if not isinstance(self.own_actions, bool):
             raise RecipeError(f"own_actions = {self.own_actions!r} must be true or false")
 
@@ -62,13 +68,18 @@ class Recipe:
 
     def keywords(self) -> dict[str, Any]:
         """Hyperparameters as Stable-Baselines3 takes them: schedules and classes made from text."""
-        result: dict[str, Any] = {key: schedule(value) for key, value in self.hyperparams.items()}
-        if "policy_kwargs" in result:
+        result = {key: schedule(key, value) for key, value in self.hyperparams.items()}
+        if isinstance(result.get("train_freq"), list):
+            result["train_freq"] = tuple(result["train_freq"])
+        if isinstance(result.get("policy_kwargs"), dict):
             kwargs = dict(result["policy_kwargs"])
             if isinstance(kwargs.get("activation_fn"), str):
                 import torch
 
-                kwargs["activation_fn"] = getattr(torch.nn, kwargs["activation_fn"])
+                name = kwargs["activation_fn"]
+                kwargs["activation_fn"] = getattr(torch.nn, name, None)
+                if kwargs["activation_fn"] is None:
+                    raise RecipeError(f"activation_fn = {name!r} is no class of torch.nn")
             result["policy_kwargs"] = kwargs
         return result
 
@@ -80,11 +91,22 @@ class Recipe:
 OWN = ("algorithm", "n_timesteps", "n_envs", "policy", "frame_stack", "own_actions")
 
 
-def schedule(value: Any) -> Any:
-    """Makes ``lin_0.001`` a schedule over the remaining share of training; other values stay."""
-    if not isinstance(value, str) or not value.startswith("lin_"):
+def schedule(name: str, value: Any) -> Any:
+    """Makes ``lin_0.001`` a schedule over the remaining share of training; other values stay.
+
+    (But ``1e-3`` is a number, although YAML takes it for text.)
+    """
+    if not isinstance(value, str):
         return value
-    initial = float(value.removeprefix("lin_"))
+    if not value.startswith("lin_"):
+        try:
+            return float(value)
+        except ValueError:
+            return value
+    try:
+        initial = float(value.removeprefix("lin_"))
+    except ValueError:
+        raise RecipeError(f"{name} = {value!r} must be lin_ and a number") from None
 
     def falling(remaining: float) -> float:
         return initial * remaining
@@ -93,28 +115,58 @@ def schedule(value: Any) -> Any:
 
 
 def load_recipe(env_id: str, algorithm: str = "PPO", file: Path | None = None) -> Recipe:
-    """The recipe of an environment, from ``file`` or from the zoo.
+    """The recipe of an environment, from ``file`` or from the zoo, or else :func:`plain_recipe`.
 
     Raises
     ------
-    RecipeError: no such file or entry, or a value that is not allowed
+    RecipeError: no such file, no entry in the file given, or a value that is not allowed
     """
-    import yaml
-
     Recipe(algorithm)
-    path = file or ZOO / f"{algorithm.lower()}.yml"
-    try:
-        entries = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise RecipeError(f"no recipe file {path}: {error.strerror}") from error
-    except yaml.YAMLError as error:
-        raise RecipeError(f"{path} is not YAML: {error}") from error
-    if not isinstance(entries, dict):
-        raise RecipeError(f"{path} holds no entries 'ENV_ID: {{...}}'")
+    if file is None and not has_recipe(env_id, algorithm):
+        return plain_recipe(algorithm)
+    path = file or _zoo_file(algorithm)
+    entries = _entries(path)
     entry = entries.get(env_id, entries.get("default"))
     if not isinstance(entry, dict):
         raise RecipeError(f"{path} has no entry for {env_id}; it has {', '.join(entries)}")
     return Recipe(algorithm).with_changes(entry)
+
+
+def has_recipe(env_id: str, algorithm: str) -> bool:
+    """Whether the zoo has one."""
+    path = _zoo_file(algorithm)
+    return path.is_file() and not {env_id, "default"}.isdisjoint(_entries(path))
+
+
+def plain_recipe(algorithm: str) -> Recipe:
+    """The defaults of Stable-Baselines3, tried on none of our tasks.
+
+    An algorithm that learns from old steps learns as often as environments step, as with one
+    environment.
+    """
+    if algorithm in OFF_POLICY:
+        return Recipe(algorithm, 200_000, n_envs=8, hyperparams={"gradient_steps": -1})
+    return Recipe(algorithm)
+
+
+def _zoo_file(algorithm: str) -> Path:
+    return ZOO / f"{algorithm.lower()}.yml"
+
+
+def _entries(path: Path) -> dict[str, Any]:
+    """What a file of recipes holds."""
+    import yaml
+
+    try:
+        entries = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise RecipeError(f"no recipe file {path}: {reason}") from error
+    except yaml.YAMLError as error:
+        raise RecipeError(f"{path} is not YAML: {error}") from error
+    if not isinstance(entries, dict):
+        raise RecipeError(f"{path} holds no entries 'ENV_ID: {{...}}'")
+    return entries
 
 
 def zoo_policy(env_id: str) -> Path | None:

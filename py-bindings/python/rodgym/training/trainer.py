@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import threading
 import time
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ import stable_baselines3
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 from stable_baselines3.common.vec_env import VecEnv, VecFrameStack
 
 import rodgym.sb3
@@ -30,6 +32,12 @@ from rodgym.training.recipe import Recipe, RecipeError, load_recipe
 VALIDATION_SEEDS = range(10_000, 10_032)
 #: How often the agent is validated during a training.
 VALIDATIONS = 25
+#: Arguments of an algorithm that are the trainer's to choose.
+NOT_HYPERPARAMS = ("policy", "env", "seed", "device", "_init_setup_model")
+#: Hyperparameters that count something.
+COUNTS = ("batch_size", "buffer_size", "n_epochs", "n_steps", "policy_delay", "stats_window_size")
+#: Numbers that may be left out.
+OPTIONAL_NUMBERS = ("clip_range_vf", "target_kl")
 #: Columns of ``learning_curve.csv``.
 CURVE = ("steps", "seconds", "training_return", "return", "return_low", "return_high", "upright")
 
@@ -84,19 +92,26 @@ def train(
     torch.set_num_threads(1)
     env = make_training_env(env_id, recipe, seed, kwargs)
     algorithm = getattr(stable_baselines3, recipe.algorithm)
+    check_hyperparams(recipe, algorithm)
     try:
         model: BaseAlgorithm = algorithm(
             recipe.policy, env, seed=seed, device="cpu", **recipe.keywords()
         )
-    except TypeError as error:
-        raise RecipeError(f"{recipe.algorithm}: {error}") from error
+    except (AssertionError, TypeError, ValueError) as error:
+        raise RecipeError(f"{recipe.algorithm} cannot be made so: {error}") from error
+    # Made now, so that a folder that cannot be written is known before anything is learnt.
+    path = run.file("policy.zip")
     title = f"training {recipe.algorithm}"
     with interrupt_flag() as flag, Bar(title, recipe.n_timesteps, quiet) as bar:
+        if recipe.n_timesteps != (whole := in_rollouts(recipe.n_timesteps, model)):
+            bar.say(
+                f"{recipe.n_timesteps:,} steps become {whole:,}: {recipe.algorithm} learns "
+                f"every {in_rollouts(1, model):,} steps of {recipe.n_envs} environments"
+            )
         watch = Watch(env_id, kwargs, recipe, bar, flag)
         model.learn(recipe.n_timesteps, callback=watch)
         watch.validate()
     model.policy.load_state_dict(watch.best_parameters)
-    path = run.file("policy.zip")
     card = {
         "env": env_id,
         "env_kwargs": kwargs,
@@ -122,6 +137,62 @@ def train(
         steps=model.num_timesteps,
         interrupted=flag.is_set(),
     )
+
+
+def check_hyperparams(recipe: Recipe, algorithm: type[BaseAlgorithm]) -> None:
+    """Refuses names that the algorithm does not have and values of the wrong kind.
+
+    Raises
+    ------
+    RecipeError: the first of them
+    """
+    parameters = inspect.signature(algorithm).parameters
+    known = [name for name in parameters if name not in NOT_HYPERPARAMS]
+    for name, value in recipe.keywords().items():
+        if name not in known:
+            raise RecipeError(
+                f"{name!r} is no hyperparameter of {recipe.algorithm}: it has {', '.join(known)}"
+            )
+        fits, allowed = kind_of(name, parameters[name].default)
+        if not fits(value):
+            raise RecipeError(
+                f"{name} = {value!r} is not allowed for {recipe.algorithm}: it must be {allowed}"
+            )
+
+
+def kind_of(name: str, default: Any) -> tuple[Callable[[Any], bool], str]:
+    """What a hyperparameter may be, by its default, and the same in words."""
+
+    def number(value: Any) -> bool:
+        return isinstance(value, int | float) and not isinstance(value, bool)
+
+    def whole(value: Any) -> bool:
+        return isinstance(value, int) and not isinstance(value, bool)
+
+    if name in COUNTS:
+        return (lambda value: whole(value) and value >= 1), "a whole number of at least 1"
+    if name in OPTIONAL_NUMBERS:
+        return (lambda value: value is None or number(value) or callable(value)), "a number or null"
+    if name == "policy_kwargs":
+        return (lambda value: isinstance(value, dict)), "a mapping"
+    if name == "train_freq":
+        pair = "a whole number or a pair such as [1, episode]"
+        return (lambda value: whole(value) or isinstance(value, list | tuple)), pair
+    if isinstance(default, bool):
+        return (lambda value: isinstance(value, bool)), "true or false"
+    if isinstance(default, int):
+        return whole, "a whole number"
+    if isinstance(default, float):
+        # A schedule is a function of the remaining share of the training.
+        return (lambda value: number(value) or callable(value)), "a number"
+    return (lambda value: True), ""
+
+
+def in_rollouts(steps: int, model: BaseAlgorithm) -> int:
+    """What Stable-Baselines3 makes of a number of steps: whole rollouts of all environments."""
+    length = getattr(model, "n_steps", 1) if isinstance(model, OnPolicyAlgorithm) else 1
+    rollout = length * model.n_envs
+    return -(-steps // rollout) * rollout
 
 
 def save(model: BaseAlgorithm, path: Path, card: Mapping[str, Any]) -> None:

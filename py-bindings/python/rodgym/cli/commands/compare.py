@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from rodgym.cli.arguments import UsageError, add_env, add_run, add_seeds
+from rodgym.cli.arguments import UsageError, add_env, add_run, add_seeds, env_keywords
 from rodgym.cli.commands.train import add_training
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--policy",
-        type=names,
+        type=some_names,
         metavar="FILE,...",
         help="trained policies to compare instead of training one; 'zoo' is the one of rodgym",
     )
@@ -46,6 +46,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def names(text: str) -> list[str]:
     """A list separated by commas."""
     return [name.strip() for name in text.split(",") if name.strip()]
+
+
+def some_names(text: str) -> list[str]:
+    """The same with at least one name."""
+    if not names(text):
+        raise argparse.ArgumentTypeError(f"{text!r} names no policy")
+    return names(text)
+
+
+def given(value: object) -> bool:
+    """Whether an argument was given, the seed 0 included."""
+    return value is not None and value is not False and value != []
+
+
+#: Arguments that concern a training.
+TRAINING = ("algorithm", "steps", "seed", "recipe", "changes", "force")
 
 
 def default_controllers(env_id: str) -> list[str]:
@@ -64,12 +80,19 @@ def run(args: argparse.Namespace) -> int:
     controllers = default_controllers(args.env) if args.controller is None else args.controller
     if not controllers and not args.policy:
         raise UsageError("nothing to compare: give --controller or --policy")
+    asked = [name for name in TRAINING if given(getattr(args, name))]
+    if args.policy and asked:
+        named = ", ".join("--set" if name == "changes" else f"--{name}" for name in asked)
+        raise UsageError(f"{named}: nothing is trained where --policy is given")
+    folder = Run(args.name or default_name("compare", args.env), args.runs)
+    if not (args.policy or args.force):
+        folder.keep_policy()
     # A wrong name is said now, not after minutes of training.
-    env = gym.make_vec(args.env, num_envs=1, **dict(args.env_arg))
+    env = gym.make_vec(args.env, num_envs=1, **env_keywords(args.env, args.env_arg))
     for name in [*controllers, *(args.policy or [])]:
         load_policy(name, env)
     env.close()
-    return report(args, controllers, Run(args.name or default_name("compare", args.env), args.runs))
+    return report(args, controllers, folder)
 
 
 def report(args: argparse.Namespace, controllers: list[str], folder: Run) -> int:

@@ -19,8 +19,10 @@ rodgym demo --steps 200000 --name quick
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     compare.add_arguments(parser)
-    parser.set_defaults(name="demo")
 
 
 def run(args: argparse.Namespace) -> int:
+    if args.name is None:
+        # The tour's own folder: the tour may be taken again.
+        args.name, args.force = "demo", not args.policy
     return compare.run(args)

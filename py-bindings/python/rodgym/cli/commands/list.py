@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Sequence
 from typing import Any
 
-from rodgym.cli.arguments import env_id
+from rodgym.cli.arguments import UsageError, env_id
 
 #: Parts of a space.
 SPACE = ("low", "high", "names")
@@ -23,6 +23,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
+    from rodgym._registration import REMOTE
+
+    if args.env == REMOTE:
+        raise UsageError(f"{REMOTE} is any environment of a server, which knows its keywords")
     print(describe(args.env) if args.env else overview())
     return 0
 
@@ -30,6 +34,7 @@ def run(args: argparse.Namespace) -> int:
 def overview() -> str:
     """One line per environment, and the names of the controllers."""
     from rodgym import ENVIRONMENTS
+    from rodgym._registration import REMOTE
     from rodgym.evaluation import controller_names
 
     rows = [("id", "observation", "action", "steps", "step [s]", "physics step [s]")]
@@ -46,7 +51,11 @@ def overview() -> str:
             )
         )
     names = ", ".join(controller_names())
-    return f"environments\n{table(rows)}\n\ncontrollers\n  {names}"
+    remote = f"{REMOTE}, with --env-arg server=tcp://HOST:5555 --env-arg env_id=ID (docs/remote.md)"
+    return (
+        f"environments\n{table(rows)}\n\nany of them on a server\n  {remote}\n\n"
+        f"controllers\n  {names}"
+    )
 
 
 def describe(name: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from rodgym.cli.arguments import DEFAULT_ENV, UsageError, add_env, positive, seed
+from rodgym.cli.arguments import DEFAULT_ENV, UsageError, add_env, at_most, seed
 
 SUMMARY = "draw an episode as a GIF, a strip of stills, or in a window"
 EXAMPLES = """
@@ -13,6 +13,8 @@ rodgym render lqr swing-up.gif
 rodgym render runs/demo/policy.zip strip.png --seed 7 --stills 6
 rodgym render zoo --show
 """
+#: Stills of 240 pixels side by side: a picture that programs still open.
+MAX_STILLS = 100
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -23,7 +25,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_env(parser, default=None)
     parser.add_argument("--seed", type=seed, default=0, help="seed of the episode (default 0)")
     parser.add_argument(
-        "--stills", type=positive, default=5, help="pictures in a .png strip (default 5)"
+        "--stills",
+        type=at_most(MAX_STILLS),
+        default=5,
+        help=f"pictures in a .png strip (default 5, at most {MAX_STILLS})",
     )
     parser.add_argument("--show", action="store_true", help="play it in a window")
 
@@ -38,8 +43,8 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"cannot write {args.out}: its name must end in .gif or .png")
     if args.out and not args.out.parent.is_dir():
         raise UsageError(f"cannot write {args.out}: there is no folder {args.out.parent}")
-    if args.seed < 0:
-        raise UsageError(f"--seed {args.seed} is negative")
+    if args.out and args.out.is_dir():
+        raise UsageError(f"cannot write {args.out}: it is a folder")
     env_id, env_kwargs = resolve_env(args.policy, args.env, dict(args.env_arg), DEFAULT_ENV)
     if args.show:
         record(args.policy, env_id, args.seed, env_kwargs={**env_kwargs, "render_mode": "human"})

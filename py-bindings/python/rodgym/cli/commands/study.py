@@ -58,6 +58,9 @@ def run(args: argparse.Namespace) -> int:
 
         backend = rodgym.ray.backend(args.ray, args.workers)
     study = read(args.study)
+    if study.plot:
+        # What draws is loaded now: a study may take hours.
+        from rodgym.study.plot import draw
     folder = Run(args.name or f"study-{Path(args.study).stem}", args.runs)
     folder.facts |= {"study": study.title, "env": study.env, "cases": len(study)}
     folder.write_facts()
@@ -73,8 +76,6 @@ def run(args: argparse.Namespace) -> int:
         rows = run_study(study, table, backend, on_row)
     print(f"{len(rows)} cases: {table}")
     if study.plot:
-        from rodgym.study.plot import draw
-
         picture = folder.file("plot.png")
         draw(study, rows, picture)
         print(f"picture: {picture}")
