@@ -51,7 +51,8 @@ pub enum Error {
 
 /// Builds an [`Error::Parameter`].
 pub(crate) fn parameter(name: &str, value: impl ToString, allowed: &str) -> Error {
-    Error::Parameter { name: name.into(), value: value.to_string(), allowed: allowed.into() }
+    let value = rodgym_core::error::shown(value.to_string());
+    Error::Parameter { name: name.into(), value, allowed: allowed.into() }
 }
 
 /// Builds an [`Error::Shape`].

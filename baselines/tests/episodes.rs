@@ -87,6 +87,15 @@ fn a_weak_motor_pumps() {
     assert!(ok >= 19, "{ok} of 20");
 }
 
+/// Two nodes are one rigid edge: the pendulum of the textbooks.
+#[test]
+fn a_rod_of_one_edge_is_swung_up_by_every_controller() {
+    let ok = upright("lqr", SWING_UP, json!({"nodes": 2, "start_angle": [-PI, PI]}), 40, every);
+    assert_eq!(ok, 40);
+    assert_eq!(upright("lqr-hybrid", SWING_UP, json!({"nodes": 2}), 20, every), 20);
+    assert_eq!(upright("lqg", BASE_ONLY, noisy(0.007, 2), 20, every), 20);
+}
+
 #[test]
 fn the_thesis_hybrid_swings_up_where_its_swing_fits() {
     for width in [0.007, 0.0081, 0.009] {

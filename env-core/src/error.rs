@@ -87,18 +87,47 @@ pub enum Error {
     },
 }
 
+/// Most characters of a number that is written out.
+const LONGEST: usize = 24;
+
+/// A value as text; a number that would fill a line, such as 1e300, with its power of ten.
+pub fn shown(value: impl std::fmt::Display) -> String {
+    let text = value.to_string();
+    match text.parse::<f64>() {
+        Ok(number) if text.len() > LONGEST => format!("{number:e}"),
+        _ => text,
+    }
+}
+
 impl Error {
-    /// A parameter error; `value` is shown with its `Display` form.
+    /// A parameter error; `value` is shown with its `Display` form, numbers of many digits by [`shown`].
     pub fn parameter(
         name: impl Into<String>,
         value: impl std::fmt::Display,
         allowed: impl Into<String>,
     ) -> Self {
-        Error::Parameter { name: name.into(), value: value.to_string(), allowed: allowed.into() }
+        Error::Parameter { name: name.into(), value: shown(value), allowed: allowed.into() }
     }
 
     /// A snapshot error.
     pub fn snapshot(reason: impl Into<String>) -> Self {
         Error::Snapshot { reason: reason.into() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::shown;
+
+    #[test]
+    fn numbers_are_written_out_unless_they_would_fill_the_line() {
+        assert_eq!(shown(1e300), "1e300");
+        assert_eq!(shown(-1e-300), "-1e-300");
+        assert_eq!(shown(0.30000000000000004), "0.30000000000000004");
+        assert_eq!(shown(u64::MAX), "18446744073709551615");
+        assert_eq!(
+            shown("a text that is longer than any number of a message"),
+            "a text that is longer than any number of a message"
+        );
     }
 }

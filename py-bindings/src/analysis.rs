@@ -1,7 +1,7 @@
 //! Controllability, observability and buckling of a rod, for plots over its parameters.
 
 use crate::baselines::raise_baseline;
-use crate::convert::to_map;
+use crate::convert::keywords;
 use crate::riccati::write;
 use numpy::PyArray2;
 use pyo3::prelude::*;
@@ -22,8 +22,8 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 /// `observable` (ranks), `hankel` (values, largest first), `distance` to the nearest uncontrollable
 /// system, `buckling_width` of the continuous and `discrete_buckling_width` of the discrete rod [m].
 #[pyfunction]
-fn analyse<'py>(py: Python<'py>, rod: &Bound<'py, PyDict>) -> PyResult<Bound<'py, PyDict>> {
-    let design = RodDesign::from_config(&to_map(rod)?).map_err(raise_baseline)?;
+fn analyse<'py>(py: Python<'py>, rod: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyDict>> {
+    let design = RodDesign::from_keywords(&keywords(rod)?).map_err(raise_baseline)?;
     let found = py.detach(|| reach(&design)).map_err(raise_baseline)?;
     let out = PyDict::new(py);
     out.set_item("states", found.states)?;
@@ -46,9 +46,9 @@ type Matrix<'py> = Bound<'py, PyArray2<f64>>;
 #[pyfunction]
 fn upright<'py>(
     py: Python<'py>,
-    rod: &Bound<'py, PyDict>,
+    rod: &Bound<'py, PyAny>,
 ) -> PyResult<(Matrix<'py>, Matrix<'py>, Matrix<'py>)> {
-    let design = RodDesign::from_config(&to_map(rod)?).map_err(raise_baseline)?;
+    let design = RodDesign::from_keywords(&keywords(rod)?).map_err(raise_baseline)?;
     let model = linear_model(&design);
     Ok((write(py, &model.a)?, write(py, &model.b)?, write(py, &model.c)?))
 }

@@ -4,8 +4,9 @@ use crate::convert::to_map;
 use crate::errors::{raise, to_py};
 use numpy::{PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyInt};
+use pyo3::types::{PyBool, PyDict, PyInt, PyString};
 use rodgym_core::Error;
+use rodgym_core::batch::{MAX_ENVS, MAX_THREADS};
 use rodgym_core::env::{ResetOptions, Seeds};
 use serde_json::Value;
 
@@ -24,12 +25,16 @@ impl<'py> Actions<'py> {
         let read = match actions.extract() {
             Ok(array) => Actions::Single(array),
             Err(_) => {
-                let array = actions.py().import("numpy")?.call_method1("asarray", (actions,))?;
-                let kind: char = array.getattr("dtype")?.getattr("kind")?.extract()?;
-                if !"fiub".contains(kind) {
+                let numpy = actions.py().import("numpy")?;
+                // (Rows of different lengths are no array at all.)
+                let array = numpy.call_method1("asarray", (actions,)).ok();
+                let kind = array.as_ref().map_or(Ok('?'), |array| -> PyResult<char> {
+                    array.getattr("dtype")?.getattr("kind")?.extract()
+                })?;
+                let Some(array) = array.filter(|_| "fiub".contains(kind)) else {
                     let message = format!("actions must be numbers, but are {}", actions.repr()?);
                     return Err(raise("ShapeError", message));
-                }
+                };
                 Actions::Double(array.call_method1("astype", ("float64",))?.extract()?)
             }
         };
@@ -67,25 +72,44 @@ impl<'py> Actions<'py> {
     }
 }
 
-/// A number of things: an integer of at least 0 (the core knows the rest of the range).
+/// A value as Python shows it: strings in quotes.
+fn repr(value: &Bound<'_, PyAny>) -> String {
+    value.repr().map_or_else(|_| "?".to_owned(), |text| text.to_string())
+}
+
+/// An integer of Python or NumPy; True and False are none.
+fn whole<T>(value: &Bound<'_, PyAny>) -> Option<T>
+where
+    T: for<'a, 'py> FromPyObject<'a, 'py>,
+{
+    if value.is_instance_of::<PyBool>() {
+        return None;
+    }
+    value.call_method0("__index__").ok()?.extract().ok()
+}
+
+/// A number of things, within what the core allows.
 pub fn count(name: &str, value: &Bound<'_, PyAny>) -> PyResult<usize> {
-    value
-        .call_method0("__index__")
-        .and_then(|integer| integer.extract::<usize>())
-        .map_err(|_| to_py(Error::parameter(name, value, "a whole number, 0 or more")))
+    let (most, allowed) = match name {
+        "num_envs" => (MAX_ENVS, format!("an integer from 1 to {MAX_ENVS}")),
+        "num_threads" => (MAX_THREADS, format!("an integer from 1 to {MAX_THREADS}")),
+        "max_episode_steps" => (usize::MAX, "an integer of at least 1, None or -1".into()),
+        _ => (usize::MAX, "an integer of at least 1".into()),
+    };
+    let number = whole::<usize>(value).filter(|number| (1..=most).contains(number));
+    number.ok_or_else(|| to_py(Error::parameter(name, repr(value), allowed)))
 }
 
 fn read_seed(value: &Bound<'_, PyAny>) -> PyResult<u64> {
-    value
-        .call_method0("__index__")
-        .and_then(|integer| integer.extract::<u64>())
-        .map_err(|_| to_py(Error::parameter("seed", value, "a whole number from 0 to 2^64 - 1")))
+    let allowed = "a whole number from 0 to 2^64 - 1";
+    whole(value).ok_or_else(|| to_py(Error::parameter("seed", repr(value), allowed)))
 }
 
 /// None continues the streams, an integer is the seed of the first environment, a list is one each.
 pub fn read_seeds(seeds: Option<&Bound<'_, PyAny>>) -> PyResult<Seeds> {
     let Some(seeds) = seeds else { return Ok(Seeds::Continue) };
-    if seeds.is_instance_of::<PyInt>() || seeds.len().is_err() {
+    let text = seeds.is_instance_of::<PyString>();
+    if text || seeds.is_instance_of::<PyInt>() || seeds.len().is_err() {
         return Ok(Seeds::Base(read_seed(seeds)?));
     }
     let one = |seed: Bound<'_, PyAny>| {
@@ -94,10 +118,18 @@ pub fn read_seeds(seeds: Option<&Bound<'_, PyAny>>) -> PyResult<Seeds> {
     seeds.try_iter()?.map(|seed| one(seed?)).collect::<PyResult<_>>().map(Seeds::Each)
 }
 
-/// The options of a reset without `reset_mask`, which is an argument of its own here.
-pub fn read_options(options: Option<&Bound<'_, PyDict>>) -> PyResult<ResetOptions> {
+/// The options of a reset, a dictionary, without `reset_mask`, which is an argument of its own here.
+pub fn read_options(options: Option<&Bound<'_, PyAny>>) -> PyResult<ResetOptions> {
     let Some(options) = options else { return Ok(ResetOptions::default()) };
-    let mut map = to_map(options)?;
+    let Ok(dict) = options.cast::<PyDict>() else {
+        let allowed = "a dictionary, or None";
+        return Err(to_py(Error::parameter("options", repr(options), allowed)));
+    };
+    let mut map = to_map(dict)?;
+    if let Some(mask) = map.get("reset_mask") {
+        let allowed = "left out here: a mask is for a batch (gym.make_vec) and its reset";
+        return Err(to_py(Error::parameter("options['reset_mask']", mask, allowed)));
+    }
     let parameters = match map.remove("parameters") {
         None | Some(Value::Null) => Default::default(),
         Some(Value::Object(parameters)) => parameters,
@@ -110,7 +142,8 @@ pub fn read_options(options: Option<&Bound<'_, PyDict>>) -> PyResult<ResetOption
     if let Some(name) = map.keys().next() {
         return Err(to_py(Error::UnknownParameter {
             name: format!("options['{name}']"),
-            known: "options['parameters'], options['state'], options['reset_mask']".into(),
+            known: "options['parameters'], options['state'], and of a batch options['reset_mask']"
+                .into(),
         }));
     }
     Ok(ResetOptions { parameters, state })

@@ -140,7 +140,7 @@ impl Batch {
         py: Python<'py>,
         seeds: Option<&Bound<'py, PyAny>>,
         mask: Option<PyReadonlyArray1<'py, bool>>,
-        options: Option<&Bound<'py, PyDict>>,
+        options: Option<&Bound<'py, PyAny>>,
         out: Option<PyReadwriteArray2<'py, f32>>,
     ) -> PyResult<Bound<'py, PyTuple>> {
         let seeds = read_seeds(seeds)?;
@@ -173,7 +173,7 @@ impl Batch {
         &self,
         py: Python<'py>,
         seed: Option<&Bound<'py, PyAny>>,
-        options: Option<&Bound<'py, PyDict>>,
+        options: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<(Bound<'py, PyArray1<f32>>, Bound<'py, PyDict>)> {
         self.check_single()?;
         let (seeds, options) = (read_seeds(seed)?, read_options(options)?);

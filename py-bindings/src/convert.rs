@@ -19,6 +19,20 @@ pub fn to_map(dict: &Bound<'_, PyDict>) -> PyResult<Map<String, Value>> {
     object(dict, "", 0)
 }
 
+/// Keywords that a user gave as one argument, `rod`.
+///
+/// # Errors
+/// Something that is no dictionary, and those of `to_map`.
+pub fn keywords(rod: &Bound<'_, PyAny>) -> PyResult<Map<String, Value>> {
+    match rod.cast::<PyDict>() {
+        Ok(dict) => to_map(dict),
+        Err(_) => {
+            let allowed = "a dictionary of the rod's keywords";
+            Err(to_py(Error::parameter("rod", rod.repr()?, allowed)))
+        }
+    }
+}
+
 fn object(dict: &Bound<'_, PyDict>, path: &str, depth: usize) -> PyResult<Map<String, Value>> {
     let mut map = Map::new();
     for (key, value) in dict.iter() {

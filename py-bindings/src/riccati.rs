@@ -1,6 +1,7 @@
 //! Matrix equations for people who design their own controllers.
 
 use crate::baselines::raise_baseline;
+use crate::errors::raise;
 use nalgebra::DMatrix;
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
@@ -12,12 +13,22 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(care, module)?)
 }
 
-type Matrix<'py> = PyReadonlyArray2<'py, f64>;
+type Matrix<'a, 'py> = &'a Bound<'py, PyAny>;
 
-/// A NumPy matrix as one of nalgebra's.
-pub fn read(array: &Matrix<'_>) -> DMatrix<f64> {
-    let view = array.as_array();
-    DMatrix::from_fn(view.nrows(), view.ncols(), |i, j| view[[i, j]])
+/// What NumPy makes a matrix of, as one of nalgebra's.
+fn read(name: &str, given: Matrix<'_, '_>) -> PyResult<DMatrix<f64>> {
+    let numpy = given.py().import("numpy")?;
+    let array = numpy.call_method1("asarray", (given, "float64")).ok();
+    match array.and_then(|array| array.extract::<PyReadonlyArray2<'_, f64>>().ok()) {
+        Some(array) => {
+            let view = array.as_array();
+            Ok(DMatrix::from_fn(view.nrows(), view.ncols(), |i, j| view[[i, j]]))
+        }
+        None => {
+            let message = format!("{name} must be a matrix of numbers, but is {}", given.repr()?);
+            Err(raise("ShapeError", message))
+        }
+    }
 }
 
 /// One of nalgebra's matrices as NumPy's.
@@ -38,11 +49,11 @@ type Solution<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
 fn solve<'py>(
     py: Python<'py>,
     solver: Solver,
-    [a, b, q, r]: [Matrix<'py>; 4],
-    n: Option<Matrix<'py>>,
+    [a, b, q, r]: [Matrix<'_, 'py>; 4],
+    n: Option<Matrix<'_, 'py>>,
 ) -> PyResult<Solution<'py>> {
-    let [a, b, q, r] = [read(&a), read(&b), read(&q), read(&r)];
-    let n = n.as_ref().map(read);
+    let [a, b, q, r] = [read("A", a)?, read("B", b)?, read("Q", q)?, read("R", r)?];
+    let n = n.map(|n| read("N", n)).transpose()?;
     let solution = py.detach(|| solver(&a, &b, &q, &r, n.as_ref())).map_err(raise_baseline)?;
     Ok((write(py, &solution.cost)?, write(py, &solution.gain)?))
 }
@@ -53,11 +64,11 @@ fn solve<'py>(
 #[pyo3(signature = (a, b, q, r, n=None))]
 fn dare<'py>(
     py: Python<'py>,
-    a: Matrix<'py>,
-    b: Matrix<'py>,
-    q: Matrix<'py>,
-    r: Matrix<'py>,
-    n: Option<Matrix<'py>>,
+    a: &Bound<'py, PyAny>,
+    b: &Bound<'py, PyAny>,
+    q: &Bound<'py, PyAny>,
+    r: &Bound<'py, PyAny>,
+    n: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Solution<'py>> {
     solve(py, linalg::dare, [a, b, q, r], n)
 }
@@ -68,11 +79,11 @@ fn dare<'py>(
 #[pyo3(signature = (a, b, q, r, n=None))]
 fn care<'py>(
     py: Python<'py>,
-    a: Matrix<'py>,
-    b: Matrix<'py>,
-    q: Matrix<'py>,
-    r: Matrix<'py>,
-    n: Option<Matrix<'py>>,
+    a: &Bound<'py, PyAny>,
+    b: &Bound<'py, PyAny>,
+    q: &Bound<'py, PyAny>,
+    r: &Bound<'py, PyAny>,
+    n: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Solution<'py>> {
     solve(py, linalg::care, [a, b, q, r], n)
 }

@@ -1,8 +1,8 @@
 //! The thesis' controllers to the letter, run inside the implicit step.
 
 use crate::baselines::raise_baseline;
-use crate::convert::to_map;
-use crate::errors::{OrRaise, raise};
+use crate::convert::keywords;
+use crate::errors::{OrRaise, to_py};
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -39,7 +39,7 @@ struct Record {
 #[pyo3(signature = (rod, feedback="state", duration=3.0, every=10, process_noise="torque", latches=false))]
 fn thesis_run<'py>(
     py: Python<'py>,
-    rod: &Bound<'py, PyDict>,
+    rod: &Bound<'py, PyAny>,
     feedback: &str,
     duration: f64,
     every: usize,
@@ -47,18 +47,17 @@ fn thesis_run<'py>(
     latches: bool,
 ) -> PyResult<Bound<'py, PyDict>> {
     let refuse = |name: &str, value: &str, allowed: &str| {
-        let message = format!("{name} = {value} is not allowed: it must be {allowed}");
-        Err(raise("ParameterError", message))
+        Err(to_py(rodgym_core::Error::parameter(name, value, allowed)))
     };
     let observes = match feedback {
         "state" => false,
         "output" => true,
-        _ => return refuse("feedback", feedback, "'state' or 'output'"),
+        _ => return refuse("feedback", &format!("'{feedback}'"), "'state' or 'output'"),
     };
     let noise = match process_noise {
         "torque" => ProcessNoise::Torque,
         "state" => ProcessNoise::State,
-        _ => return refuse("process_noise", process_noise, "'torque' or 'state'"),
+        _ => return refuse("process_noise", &format!("'{process_noise}'"), "'torque' or 'state'"),
     };
     if !(0.0..=600.0).contains(&duration) {
         return refuse("duration", &duration.to_string(), "from 0 to 600 s");
@@ -66,7 +65,7 @@ fn thesis_run<'py>(
     if every == 0 {
         return refuse("every", "0", "1 or more");
     }
-    let mut keywords = to_map(rod)?;
+    let mut keywords = keywords(rod)?;
     keywords.entry("thesis").or_insert(json!(true));
     let mut sim = Simulation::new(&keywords).or_raise()?;
     let design = RodDesign::from_config(&sim.resolved())

@@ -56,13 +56,16 @@ def test_keywords(make, kwargs, named):
     ("kwargs", "named"),
     [
         ({"num_envs": 0}, "num_envs"),
-        ({"num_envs": -1}, "num_envs = -1"),
+        ({"num_envs": -1}, "num_envs = -1 is not allowed: it must be an integer from 1 to 1048576"),
+        ({"num_envs": True}, "num_envs = True"),
+        ({"num_envs": "3"}, "num_envs = '3'"),
+        ({"env_id": 3}, "env_id = 3"),
         ({"num_envs": 1.5}, "num_envs = 1.5"),
         ({"num_threads": 0}, "num_threads"),
-        ({"num_threads": -2}, "num_threads = -2"),
+        ({"num_threads": -2}, "num_threads = -2 is not allowed: it must be an integer from 1"),
         ({"autoreset_mode": "Sometimes"}, "autoreset_mode = 'Sometimes'"),
         ({"max_episode_steps": 0}, "max_episode_steps"),
-        ({"max_episode_steps": -7}, "max_episode_steps = -7"),
+        ({"max_episode_steps": -7}, "max_episode_steps = -7.*at least 1, None or -1"),
         ({"render_mode": "ascii"}, "render_mode = 'ascii'"),
         ({"render_size": 3}, "render_size = 3"),
         ({"render_size": (64.0, 48.0)}, "render_size"),
@@ -73,7 +76,7 @@ def test_keywords(make, kwargs, named):
 )
 def test_keywords_of_batches(kwargs, named):
     with pytest.raises(errors.ParameterError, match=named):
-        rodgym.vector.RodVectorEnv(SWING_UP, **kwargs)
+        rodgym.vector.RodVectorEnv(**{"env_id": SWING_UP, **kwargs})
 
 
 def test_unknown_environment_names_the_known_ones():
@@ -94,6 +97,8 @@ def test_unknown_environment_names_the_known_ones():
         (["left"], errors.ShapeError, "left"),
         ([1j], errors.ShapeError, "1j"),
         (None, errors.ShapeError, "None"),
+        ("x", errors.ShapeError, "'x'"),
+        ([[1.0], [2.0, 3.0]], errors.ShapeError, "must be numbers"),
     ],
 )
 def test_actions_of_a_single_environment(action, error, named):
@@ -144,6 +149,8 @@ def test_actions_beyond_the_space_are_clipped_in_any_precision():
         ({"state": {"angles": [NAN] * 6, "rates": [0.0] * 6}}, "nan"),
         ({"state": {"positions": [[0.0, 0.0]] * 7, "velocities": [[0.0, 0.0]] * 7}}, "position"),
         ({"state": 4}, "state"),
+        ([], r"options = \[\] is not allowed: it must be a dictionary, or None"),
+        (3, "options = 3"),
     ],
 )
 def test_reset_options(options, named):
@@ -163,16 +170,36 @@ def test_reset_options(options, named):
     assert batch.get_state() == before
 
 
-@pytest.mark.parametrize("seed", [-1, 2**64, 1.5, "one"])
+def test_a_reset_mask_is_for_batches():
+    env = gym.make(SWING_UP).unwrapped
+    with pytest.raises(errors.ParameterError, match="must be left out here: a mask is for a batch"):
+        env.reset(options={"reset_mask": np.ones(1, dtype=bool)})
+
+
+@pytest.mark.parametrize("seed", [-1, 2**64, 1.5, "one", True, np.bool_(True), object()])
 def test_seeds(seed):
     env = gym.make(SWING_UP).unwrapped
     with pytest.raises(errors.ParameterError, match="seed"):
         env.reset(seed=seed)
     batch = gym.make_vec(SWING_UP, num_envs=2)
+    with pytest.raises(errors.ParameterError, match="seed"):
+        batch.reset(seed=seed)
     with pytest.raises(ValueError, match="seed"):
         batch.reset(seed=[seed, 1])
     with pytest.raises(errors.ShapeError, match="3"):
         batch.reset(seed=[1, 2, 3])
+
+
+def test_a_seed_of_numpy_is_a_seed_and_a_list_is_none():
+    """A single environment once refused the first after its state had changed."""
+    env = gym.make(SWING_UP).unwrapped
+    env.reset(seed=np.int64(7))
+    state = env.get_state()
+    env.reset(seed=7)
+    assert env.get_state() == state
+    with pytest.raises(errors.ParameterError, match=r"seed = \[3\]"):
+        env.reset(seed=[3])
+    assert env.get_state() == state
 
 
 @pytest.mark.parametrize(
@@ -235,6 +262,77 @@ def test_a_batch_takes_all_snapshots_or_none():
         with pytest.raises(errors.EnvIndexError):
             env.get_state([index])
     assert env.get_state() == before
+
+
+@pytest.mark.parametrize("state", [None, "x", 3, [1, 2]])
+def test_what_is_no_snapshot_at_all(state):
+    env = gym.make(SWING_UP).unwrapped
+    env.reset(seed=0)
+    before = env.get_state()
+    with pytest.raises(errors.ParameterError, match="the bytes that get_state returned"):
+        env.set_state(state)
+    assert env.get_state() == before
+    assert env.set_state(bytearray(before)).shape == (18,)
+    batch = gym.make_vec(SWING_UP, num_envs=2)
+    batch.reset(seed=0)
+    kept = batch.get_state()
+    for states in (state, [state, kept[1]], b"x"):
+        with pytest.raises(errors.ParameterError, match="get_state returned"):
+            batch.set_state(states)
+        assert batch.get_state() == kept
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "named"),
+    [
+        (lambda e: e.evaluate("lqr", SWING_UP, seeds=3), errors.ParameterError, "seeds = 3"),
+        (lambda e: e.evaluate("lqr", SWING_UP, seeds=[]), errors.ParameterError, "at least one"),
+        (lambda e: e.evaluate("lqr", SWING_UP, seeds=[None]), errors.ParameterError, "seed = None"),
+        (lambda e: e.evaluate("lqr", SWING_UP, env_kwargs=3), errors.ParameterError, "env_kwargs"),
+        (lambda e: e.evaluate("lqr", 3), errors.ParameterError, "env_id = 3"),
+        (lambda e: e.evaluate(None, SWING_UP), rodgym.RodgymError, "policy = None"),
+        (lambda e: e.record(3, SWING_UP), rodgym.RodgymError, "policy = 3"),
+    ],
+)
+def test_evaluations_name_what_they_refuse(call, error, named):
+    import rodgym.evaluation
+
+    with pytest.raises(error, match=named) as caught:
+        call(rodgym.evaluation)
+    assert isinstance(caught.value, ValueError)
+
+
+def test_numbers_and_strings_are_shown_as_python_shows_them():
+    """A large number once took three hundred digits, a string lost its quotes."""
+    for call, shown in [
+        (lambda: rodgym.baselines.upright({"width": -1e300}), "width = -1e300 is"),
+        (lambda: rodgym.baselines.thesis_run({}, duration=1e300), "duration = 1e300 is"),
+        (lambda: rodgym.baselines.thesis_run({}, feedback="x"), "feedback = 'x' is"),
+        (lambda: gym.make(SWING_UP).reset(seed="x"), "seed = 'x' is"),
+    ]:
+        with pytest.raises(errors.ParameterError, match=shown):
+            call()
+
+
+@pytest.mark.parametrize("function", ["upright", "analyse", "thesis_run"])
+def test_a_misspelt_keyword_of_a_rod_is_refused(function):
+    call = getattr(rodgym.baselines, function)
+    with pytest.raises(errors.ParameterError, match="'widht'; known parameters: width"):
+        call({"widht": 0.007})
+    with pytest.raises(errors.ParameterError, match=r"nodes = 6\.5"):
+        call({"nodes": 6.5})
+    with pytest.raises(errors.ParameterError, match="rod = None is not allowed"):
+        call(None)
+
+
+def test_pictures_have_whole_numbers_of_pixels():
+    env = gym.make(SWING_UP).unwrapped
+    env.reset(seed=0)
+    for width in ("x", 64.5, 1, True, 10**9):
+        with pytest.raises(errors.ParameterError, match=r"width = .* pixels from 16 to 8192"):
+            env.frame(width=width)
+        with pytest.raises(errors.ParameterError, match="width"):
+            env.svg(width)
 
 
 def test_every_exception_is_a_rodgym_error():

@@ -13,6 +13,7 @@ from conftest import BALANCE, RANDOM, SWING_UP, actions_for, assert_same
 
 sb3 = pytest.importorskip("stable_baselines3")
 
+from rodgym import errors  # noqa: E402
 from rodgym.sb3 import RodVecEnv, make_vec_env  # noqa: E402
 from stable_baselines3.common.monitor import Monitor  # noqa: E402
 from stable_baselines3.common.vec_env import (  # noqa: E402
@@ -158,6 +159,26 @@ def test_a_pickled_or_copied_batch_goes_on_to_the_bit(monitor, twin_of, rng, tmp
         env.close()
         # Only the first one writes: two headers and four episodes of each environment.
         assert len((tmp_path / "log.monitor.csv").read_text().splitlines()) == 2 + 4 * N
+
+
+def test_bad_arguments_are_refused_and_change_nothing():
+    env = make_vec_env(SWING_UP, 2, seed=0, monitor=False)
+    env.reset()
+    before = env.env_method("get_state")
+    for call, error, named in [
+        (lambda: env.seed("x"), errors.ParameterError, "seed = 'x'"),
+        (lambda: env.set_options([]), errors.ShapeError, "0 options were given for 2"),
+        (lambda: env.set_options(3), errors.ParameterError, "options = 3"),
+        (lambda: env.set_options([{}, 3]), errors.ParameterError, "options = 3"),
+        (lambda: env.get_attr("config", indices=7), errors.EnvIndexError, "environment 7"),
+        (lambda: env.env_method("set_state", None), errors.ParameterError, "state = None"),
+        (lambda: env.step("x"), errors.ShapeError, "'x'"),
+        (lambda: make_vec_env(3), errors.ParameterError, "env_id = 3"),
+        (lambda: make_vec_env(SWING_UP, env_kwargs=3), errors.ParameterError, "env_kwargs = 3"),
+    ]:
+        with pytest.raises(error, match=named):
+            call()
+        assert env.env_method("get_state") == before
 
 
 def test_monitor_counts_returns(tmp_path):

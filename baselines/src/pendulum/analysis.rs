@@ -104,9 +104,13 @@ pub fn buckling_width(rod: &RodDesign) -> f64 {
 
 /// The same for the chain with its first edge clamped \[m\]: what the discrete rod does.
 ///
-/// Stiffness goes with w^4 and weight with w^2, so the width squared is an eigenvalue.
+/// 0 for a single edge, which cannot bend. Stiffness goes with w^4 and weight with w^2, so the width squared is an eigenvalue.
 pub fn discrete_buckling_width(rod: &RodDesign) -> f64 {
     let n = rod.edges() - 1;
+    if n == 0 {
+        // One rigid edge.
+        return 0.0;
+    }
     let unit = RodDesign { width: 1.0, ..rod.clone() };
     let stiffness = unit.bending_stiffness() / unit.edge_length();
     // Angles of the free edges; edge 0 stands still.

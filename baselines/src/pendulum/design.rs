@@ -1,7 +1,24 @@
 //! The rod that a controller believes in, and how it meets it.
 
 use crate::error::{Result, parameter};
+use rodgym_core::keywords::check_names;
 use serde_json::{Map, Value};
+
+/// Names of the fields.
+const NAMES: &[&str] = &[
+    "width",
+    "length",
+    "nodes",
+    "density",
+    "youngs_modulus",
+    "damping",
+    "bending_damping",
+    "gravity",
+    "torque_limit",
+    "control_dt",
+];
+/// What `nodes` may be.
+const NODES: &str = "an integer from 2 to 1001";
 
 /// Parameters of a pendulum as the designer knows them. Field names are the keywords of the
 /// environment.
@@ -11,7 +28,7 @@ pub struct RodDesign {
     pub width: f64,
     /// Rest length \[m\].
     pub length: f64,
-    /// Nodes, at least 3.
+    /// Nodes, at least 2: then the rod is one rigid edge.
     pub nodes: usize,
     /// Density \[kg/m^3\].
     pub density: f64,
@@ -73,11 +90,21 @@ impl RodDesign {
         read("gravity", &mut design.gravity)?;
         read("torque_limit", &mut design.torque_limit)?;
         read("control_dt", &mut design.control_dt)?;
-        let mut nodes = design.nodes as f64;
-        read("nodes", &mut nodes)?;
-        design.nodes = nodes as usize;
+        if let Some(value) = config.get("nodes").filter(|value| !value.is_null()) {
+            let nodes = value.as_u64().and_then(|nodes| usize::try_from(nodes).ok());
+            design.nodes = nodes.ok_or_else(|| parameter("nodes", value, NODES))?;
+        }
         design.check()?;
         Ok(design)
+    }
+
+    /// Reads keywords that a user typed: as `from_config`, but names that no rod has are refused.
+    ///
+    /// # Errors
+    /// An unknown name, a value that is not a number or not allowed.
+    pub fn from_keywords(given: &Map<String, Value>) -> Result<Self> {
+        check_names(given, NAMES)?;
+        RodDesign::from_config(given)
     }
 
     /// Refuses what no model can be made of.
@@ -108,8 +135,8 @@ impl RodDesign {
                 return Err(parameter(name, value, "finite and at least 0"));
             }
         }
-        if !(3..=1001).contains(&self.nodes) {
-            return Err(parameter("nodes", self.nodes, "between 3 and 1001"));
+        if !(2..=1001).contains(&self.nodes) {
+            return Err(parameter("nodes", self.nodes, NODES));
         }
         Ok(())
     }

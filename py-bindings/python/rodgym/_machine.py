@@ -11,6 +11,7 @@ import numpy.typing as npt
 from gymnasium.spaces import Box
 
 from rodgym import _native
+from rodgym._checks import snapshot, whole
 from rodgym.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -57,6 +58,12 @@ def picture_size(size: Any) -> tuple[int, int] | None:
     return width, height
 
 
+def pixels(name: str, side: Any) -> int:
+    """One side of a picture, checked."""
+    low, high = _native.PICTURE_LIMITS
+    return whole(name, side, low, high, f"a whole number of pixels from {low} to {high}")
+
+
 class Machine:
     """One environment's plant and snapshots: environment number `_index` of `_batch`."""
 
@@ -80,8 +87,9 @@ class Machine:
 
         Raises:
             SnapshotError: the bytes are damaged or belong elsewhere; nothing changes then.
+            ParameterError: no bytes at all.
         """
-        self._batch.set_state(self._index, state)
+        self._batch.set_state(self._index, snapshot("state", state))
         return self._batch.observe(self._index)
 
     @property
@@ -142,7 +150,8 @@ class Machine:
 
     def _size(self, width: int | None, height: int | None) -> tuple[int | None, int | None]:
         usual = self._render_size or (None, None)
-        return (usual[0] if width is None else width, usual[1] if height is None else height)
+        given = [("width", width, usual[0]), ("height", height, usual[1])]
+        return tuple(side if s is None else pixels(name, s) for name, s, side in given)  # type: ignore[return-value]
 
 
 class Member(Machine):

@@ -94,10 +94,18 @@ class Controller:
     def __reduce__(self) -> tuple[Any, ...]: ...
 
 def care(
-    a: _Float, b: _Float, q: _Float, r: _Float, n: _Float | None = None
+    a: npt.ArrayLike,
+    b: npt.ArrayLike,
+    q: npt.ArrayLike,
+    r: npt.ArrayLike,
+    n: npt.ArrayLike | None = None,
 ) -> tuple[_Float, _Float]: ...
 def dare(
-    a: _Float, b: _Float, q: _Float, r: _Float, n: _Float | None = None
+    a: npt.ArrayLike,
+    b: npt.ArrayLike,
+    q: npt.ArrayLike,
+    r: npt.ArrayLike,
+    n: npt.ArrayLike | None = None,
 ) -> tuple[_Float, _Float]: ...
 def instruction_set() -> str: ...
 def analyse(rod: dict[str, Any]) -> dict[str, Any]: ...

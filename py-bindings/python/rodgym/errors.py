@@ -1,7 +1,8 @@
 """The whole tree of rodgym's exceptions.
 
 Whatever is refused leaves the state as it was. Bad arguments are `ValueError` too, so that code
-which knows nothing of rodgym can catch them.
+which knows nothing of rodgym can catch them: a value of the wrong kind is refused like one out of
+range. Python's own `TypeError` stands for calls with missing, unknown or too many arguments only.
 """
 
 from gymnasium.error import ResetNeeded

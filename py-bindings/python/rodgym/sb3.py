@@ -19,10 +19,12 @@ try:
 except ImportError as error:  # pragma: no cover
     raise ImportError('rodgym.sb3 needs Stable-Baselines3: pip install "rodgym[train]"') from error
 
+from rodgym import _checks as checks
 from rodgym import _native
 from rodgym._batch import Result, SeededBatch
 from rodgym._machine import Member, box, plain
 from rodgym._registration import ENVIRONMENTS, REMOTE
+from rodgym.errors import EnvIndexError, ShapeError
 
 if TYPE_CHECKING:
     from gymnasium.envs.registration import EnvSpec
@@ -57,7 +59,7 @@ def make_vec_env(
         **kwargs: more keywords of the environment, and those of `RodVecEnv`: `num_threads`,
             `max_episode_steps`, `render_mode`, `render_size`.
     """
-    kwargs = {**(env_kwargs or {}), **kwargs}
+    kwargs = {**checks.mapping("env_kwargs", env_kwargs), **kwargs}
     if env_id == REMOTE:
         # As in `gym.make`, where server and environment are keywords.
         server, env_id = kwargs.pop("server", server), kwargs.pop("env_id", env_id)
@@ -118,6 +120,7 @@ class RodVecEnv(VecEnv):
         render_size: tuple[int, int] | None = None,
         **kwargs: Any,
     ) -> None:
+        env_id = checks.env_id(env_id)
         if max_episode_steps is None and env_id in ENVIRONMENTS:
             max_episode_steps = ENVIRONMENTS[env_id].max_episode_steps
         elif max_episode_steps == -1:
@@ -162,6 +165,21 @@ class RodVecEnv(VecEnv):
     def members(self) -> list[Member]:
         """One object an environment: its plant, snapshots and picture."""
         return self._batch.members
+
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """Seeds of the next reset: environment i takes seed + i; None draws one from NumPy."""
+        return super().seed(checks.seed(seed))
+
+    def set_options(self, options: list[dict[str, Any]] | dict[str, Any] | None = None) -> None:
+        """Options of the next reset: one dictionary for all, or a list with one an environment."""
+        if isinstance(options, list):
+            if len(options) != self.num_envs:
+                given = len(options)
+                raise ShapeError(f"{given} options were given for {self.num_envs} environments")
+            options = [checks.mapping("options", one) for one in options]
+        else:
+            options = checks.mapping("options", options)
+        super().set_options(options)
 
     def reset(self) -> npt.NDArray[np.float32]:
         """Starts all episodes, with the seeds and options set before, once."""
@@ -257,4 +275,9 @@ class RodVecEnv(VecEnv):
         return [False for _ in self._targets(indices)]
 
     def _targets(self, indices: Indices) -> list[Member]:
-        return [self.members[i] for i in self._get_indices(indices)]
+        chosen = list(self._get_indices(indices))
+        for i in chosen:
+            if not -self.num_envs <= i < self.num_envs:
+                there = self.num_envs
+                raise EnvIndexError(f"environment {i} does not exist: the batch has {there}")
+        return [self.members[i] for i in chosen]

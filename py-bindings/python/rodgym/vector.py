@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
@@ -9,6 +10,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
+from rodgym import _checks as checks
 from rodgym._batch import Flags, Floats, Observations, SeededBatch, Seeds
 from rodgym._infos import InfoBuilder
 from rodgym._machine import Frame, Member, box, plain
@@ -72,6 +74,7 @@ class RodVectorEnv(VectorEnv[Observations, Any, Any]):
                 f"autoreset_mode = {autoreset_mode!r} is not allowed: "
                 f"it must be one of {[mode.value for mode in AutoresetMode]}"
             ) from error
+        env_id = checks.env_id(env_id)
         if max_episode_steps is None and env_id in ENVIRONMENTS:
             max_episode_steps = ENVIRONMENTS[env_id].max_episode_steps
         elif max_episode_steps == -1:
@@ -168,8 +171,10 @@ class RodVectorEnv(VectorEnv[Observations, Any, Any]):
         Returns:
             The (num_envs, d) observations, and infos with the episodes' `parameters`.
         """
-        mask, options = self._split(options)
+        mask, options = self._split(checks.mapping("options", options))
         integer = isinstance(seed, int | np.integer)
+        if integer or isinstance(seed, str) or not (seed is None or isinstance(seed, Iterable)):
+            seed = checks.seed(seed)
         # NumPy's generator is made and read only if an environment still needs a seed.
         generator = self.np_random if not integer and self._batch.needs_seeds else None
         result = self._batch.reset(seed, mask, options, generator, self._out)
@@ -205,7 +210,9 @@ class RodVectorEnv(VectorEnv[Observations, Any, Any]):
         Raises:
             SnapshotError: bytes that are damaged or belong to another kind of environment.
         """
-        return self._batch.set_state(states, indices)
+        if isinstance(states, bytes | str) or not isinstance(states, Iterable):
+            raise checks.refused("states", states, "a list of what get_state returned")
+        return self._batch.set_state([checks.snapshot("state", state) for state in states], indices)
 
     def render(self) -> tuple[Frame, ...] | None:  # type: ignore[override]
         """One picture an environment, each (height, width, 3)."""
@@ -235,10 +242,10 @@ class RodVectorEnv(VectorEnv[Observations, Any, Any]):
         for member, value in zip(self.members, values, strict=True):
             setattr(member, name, value)
 
-    def _split(self, options: dict[str, Any] | None) -> tuple[Flags | None, dict[str, Any] | None]:
+    def _split(self, options: dict[str, Any]) -> tuple[Flags | None, dict[str, Any] | None]:
         """The reset mask, checked, and the other options."""
-        if options is None or "reset_mask" not in options:
-            return None, options
+        if "reset_mask" not in options:
+            return None, options or None
         others = {key: value for key, value in options.items() if key != "reset_mask"}
         mask = np.asarray(options["reset_mask"])
         if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():

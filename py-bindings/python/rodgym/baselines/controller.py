@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rodgym import _native
+from rodgym._checks import numbers
 from rodgym.errors import ParameterError, ShapeError
 
 State = npt.NDArray[np.float64]
@@ -93,7 +94,7 @@ class Controller:
         Raises:
             ShapeError: arrays that do not belong together. The state given is never changed.
         """
-        array = np.asarray(observation, dtype=np.float32)
+        array = numbers("observation", observation, np.float32)
         if array.ndim not in (1, 2):
             raise ShapeError(f"observation has shape {array.shape}, but (d,) or (n, d) is needed")
         rows = np.atleast_2d(array)
@@ -105,7 +106,7 @@ class Controller:
             start = np.zeros(n, dtype=bool)
         else:
             start = np.atleast_1d(np.asarray(episode_start, dtype=bool))
-        memory = np.asarray(state, dtype=np.float64)
+        memory = numbers("state", state)
         if start.shape != (n,) or memory.shape != (n, self._native.state_size):
             raise ShapeError(
                 f"state has shape {memory.shape} and episode_start {start.shape}, but "

@@ -105,7 +105,7 @@ class PendulumEnv(RodEnv):
     | `start_bend` | see above | rad | (low, high) of the angle's growth along the rod |
     | `randomize` | {} | | {parameter: (low, high)}, drawn each episode |
     | `sensor_noise` | {} | rad, rad/s | {"angle": std, "rate": std} |
-    | `actuator_delay` | 0 | s | by which the torque lags behind the action |
+    | `actuator_delay` | 0 | s | lag of the torque: a multiple of `physics_dt`, to 10 `control_dt` |
     | `torque_disturbance` | 0 | N m | standard deviation of a torque drawn each step |
     | `thesis` | False | | the thesis' parameters, stepper and step |
     | `render_mode` | None | | `"rgb_array"`, `"human"` |

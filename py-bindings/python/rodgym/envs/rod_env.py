@@ -8,6 +8,7 @@ import gymnasium as gym
 import numpy as np
 import numpy.typing as npt
 
+from rodgym import _checks as checks
 from rodgym import _native
 from rodgym._machine import Frame, Machine, box, picture_size, plain
 from rodgym.errors import ParameterError
@@ -45,7 +46,7 @@ class RodEnv(Machine, gym.Env[Vector, Vector]):
                 f"render_mode = {render_mode!r} is not allowed: "
                 f"it must be None or one of {self.metadata['render_modes']}"
             )
-        self._batch = self._open(env_id, kwargs)
+        self._batch = self._open(checks.env_id(env_id), kwargs)
         self._spec: EnvSpec | None = None
         self._render_size = picture_size(render_size)
         self._window: Any = None
@@ -86,7 +87,7 @@ class RodEnv(Machine, gym.Env[Vector, Vector]):
         Returns:
             The observation, and `info` with the episode's `parameters`.
         """
-        native_seed = seed
+        native_seed = seed = checks.seed(seed)
         if seed is None and not self._seeded:
             native_seed = int(self.np_random.integers(2**63))
         observation, info = self._batch.reset_single(native_seed, options)

@@ -11,7 +11,8 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgym.evaluation.policies import Policy, load_policy
+from rodgym import _checks as checks
+from rodgym.evaluation.policies import Policy, check_policy, load_policy
 from rodgym.evaluation.score import Column, Trajectories, columns_for, score
 from rodgym.runs import write_csv
 
@@ -74,13 +75,16 @@ def evaluate(
     Raises
     ------
     PolicyError: the policy cannot be found or does not fit the environment
+    ParameterError: no seeds, or seeds that are no whole numbers
     """
+    seeds, env_kwargs = checks.seeds(seeds), checks.mapping("env_kwargs", env_kwargs)
+    check_policy(policy)
     label = name or (policy if isinstance(policy, str) else type(policy).__name__)
     described: tuple[Column, ...] = ()
     parts: list[dict[str, NDArray[np.float64]]] = []
     for first in range(0, len(seeds), BATCH):
         turn = list(seeds[first : first + BATCH])
-        env = gym.make_vec(env_id, num_envs=len(turn), **dict(env_kwargs or {}))
+        env = gym.make_vec(checks.env_id(env_id), num_envs=len(turn), **env_kwargs)
         try:
             actor = load_policy(policy, env) if isinstance(policy, str) else policy
             played = play(actor, env, turn, on_step and (lambda t, done=first: on_step(done, t)))

@@ -36,6 +36,12 @@ class Policy(Protocol):
         """Actions (n, a) for observations (n, d), and the policy's own state for the next call."""
 
 
+def check_policy(policy: object) -> None:
+    """Refuses what is neither a name nor has `predict`."""
+    if not isinstance(policy, str) and not callable(getattr(policy, "predict", None)):
+        raise PolicyError(f"policy = {policy!r} is not allowed: it must be a name or have predict")
+
+
 class Random:
     """Uniform actions from a stream of its own, the same at every evaluation."""
 

@@ -10,8 +10,9 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgym import _checks as checks
 from rodgym.evaluation.episodes import control_dt
-from rodgym.evaluation.policies import Policy, load_policy
+from rodgym.evaluation.policies import Policy, check_policy, load_policy
 
 
 @dataclass(frozen=True)
@@ -56,8 +57,10 @@ def record(
     ------
     PolicyError: as :func:`rodgym.evaluation.evaluate`
     """
-    env_kwargs = {"render_mode": "rgb_array" if frame_rate else None, **(env_kwargs or {})}
-    env = gym.make(env_id, **env_kwargs)
+    check_policy(policy)
+    mode = "rgb_array" if frame_rate else None
+    env_kwargs = {"render_mode": mode, **checks.mapping("env_kwargs", env_kwargs)}
+    env = gym.make(checks.env_id(env_id), **env_kwargs)
     try:
         actor = load_policy(policy, env) if isinstance(policy, str) else policy
         return _record(actor, env, seed, name or str(policy), frame_rate, max_seconds)

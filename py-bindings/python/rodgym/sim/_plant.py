@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from rodgym import _native
+from rodgym._checks import matrix
 from rodgym._machine import Array, Machine
-from rodgym.errors import ParameterError, ShapeError
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -87,30 +87,3 @@ class Plant(Generic[Native]):
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}(nodes={len(self.positions)}, time={self.time:g})"
-
-
-def numbers(name: str, values: npt.ArrayLike) -> Array:
-    try:
-        return np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ShapeError(f"{name} must be an array of numbers, but is {values!r}") from error
-
-
-def matrix(name: str, values: npt.ArrayLike) -> Array:
-    array = numbers(name, values)
-    if array.ndim != 2:
-        raise ShapeError(f"{name} has shape {array.shape}, but (nodes, 2) is needed")
-    return array
-
-
-def vector(name: str, values: npt.ArrayLike) -> list[float]:
-    array = numbers(name, values)
-    if array.ndim != 1:
-        raise ShapeError(f"{name} has shape {array.shape}, but one dimension is needed")
-    return array.tolist()
-
-
-def count(n: int) -> int:
-    if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 0:
-        raise ParameterError(f"n = {n!r} is not allowed: it must be a whole number, 0 or more")
-    return int(n)

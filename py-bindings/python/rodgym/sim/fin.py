@@ -7,8 +7,9 @@ from typing import Any
 import numpy.typing as npt
 
 from rodgym import _native
+from rodgym._checks import count, matrix, number, vector
 from rodgym._machine import Array, Machine
-from rodgym.sim._plant import Plant, count, matrix, vector
+from rodgym.sim._plant import Plant
 
 
 class Fin(Plant[_native.FinSimulation]):
@@ -79,7 +80,7 @@ class Fin(Plant[_native.FinSimulation]):
         Raises:
             SolverError: a step failed in its smallest parts; the state is the one before it.
         """
-        self._native.step(pitch, count(n))
+        self._native.step(number("pitch", pitch, "rad"), count(n))
 
     def follow(self, pitches: npt.ArrayLike) -> dict[str, Array]:
         """Physics steps that end at these pitches [rad], one after the other.

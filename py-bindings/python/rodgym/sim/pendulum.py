@@ -7,8 +7,9 @@ from typing import Any, NamedTuple
 import numpy.typing as npt
 
 from rodgym import _native
+from rodgym._checks import count, number, vector
 from rodgym._machine import Array, Machine
-from rodgym.sim._plant import Plant, count, vector
+from rodgym.sim._plant import Plant
 
 
 class Linear(NamedTuple):
@@ -75,7 +76,7 @@ class Pendulum(Plant[_native.PendulumSimulation]):
         Raises:
             SolverError: a step failed in its smallest parts; the state is the one before it.
         """
-        self._native.step(torque, count(n))
+        self._native.step(number("torque", torque, "N m"), count(n))
 
     def step_feedback(self, constant: float, gain: npt.ArrayLike, n: int = 1) -> None:
         """`n` physics steps under the torque `constant + gain . (theta - pi, rate)` of the new
@@ -88,7 +89,8 @@ class Pendulum(Plant[_native.PendulumSimulation]):
             ParameterError: the stepper is explicit.
             SolverError: a step failed in its smallest parts; the state is the one before it.
         """
-        self._native.step_feedback(constant, vector("gain", gain), count(n))
+        first = number("constant", constant, "N m")
+        self._native.step_feedback(first, vector("gain", gain), count(n))
 
     def energy(self) -> dict[str, float]:
         """Energies [J]: `kinetic`, `stretch`, `bend`, `gravity` and their `total`."""
@@ -99,4 +101,4 @@ class Pendulum(Plant[_native.PendulumSimulation]):
 
         Poles mean something where that is an equilibrium.
         """
-        return Linear(*self._native.linearize(torque))
+        return Linear(*self._native.linearize(number("torque", torque, "N m")))
