@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 import rodgym
+from rodgym.cli import main
 from rodgym.evaluation import evaluate
 from rodgym.evaluation.policies import read_card
 from rodgym.training.recipe import ZOO, RecipeError, load_recipe, zoo_policy
@@ -28,6 +29,23 @@ def test_every_pendulum_has_a_recipe(env_id: str) -> None:
     # A batch that does not divide the rollout would leave a rest that is learnt from less.
     rollout = recipe.n_envs * recipe.hyperparams["n_steps"]
     assert rollout % recipe.hyperparams["batch_size"] == 0
+
+
+@pytest.mark.parametrize("env_id", ["PendulumSwingUp", "PendulumBalance", "FinThrust"])
+def test_sac_has_recipes_that_train(
+    env_id: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    arguments = ["--env", env_id, "--algorithm", "sac", "--steps", "320", "--name", "sac"]
+    assert main(["train", *arguments, "--set", "learning_starts=160"]) == 0
+    assert "no recipe" not in capsys.readouterr().err
+    card = read_card(tmp_path / "runs/sac/policy.zip")
+    assert card["algorithm"] == "SAC" and card["recipe"]["gradient_steps"] == 8
+    result = evaluate(str(tmp_path / "runs/sac"), card["env"], seeds=range(2))
+    assert result.mean("length") > 0
 
 
 def test_a_linear_schedule_falls_to_zero() -> None:
