@@ -16,6 +16,14 @@ pub enum Error {
         /// What went wrong, with numbers.
         reason: String,
     },
+    /// A matrix equation whose solution rounding has spoilt; there may well be one.
+    #[error("the {equation} cannot be solved accurately: {reason}")]
+    Inaccurate {
+        /// Which equation.
+        equation: &'static str,
+        /// What is left, with numbers.
+        reason: String,
+    },
     /// A parameter outside its range.
     #[error("{name} = {value} is not allowed: it must be {allowed}")]
     Parameter {

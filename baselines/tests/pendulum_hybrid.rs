@@ -183,7 +183,7 @@ fn a_batch_is_its_rows_and_bad_shapes_are_refused() {
 fn rods_that_cannot_be_are_refused_by_name() {
     for (rod, name) in [
         (RodDesign { width: -1.0, ..RodDesign::default() }, "width"),
-        (RodDesign { nodes: 2, ..RodDesign::default() }, "nodes"),
+        (RodDesign { nodes: 1, ..RodDesign::default() }, "nodes"),
         (RodDesign { control_dt: f64::NAN, ..RodDesign::default() }, "control_dt"),
     ] {
         let message = HybridLqr::new(rod, Weights::default()).unwrap_err().to_string();

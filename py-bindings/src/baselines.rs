@@ -21,7 +21,7 @@ pub fn raise_baseline(error: Error) -> PyErr {
     match error {
         Error::Core(error) => to_py(error),
         Error::Shape { .. } => raise("ShapeError", message),
-        Error::NoSolution { .. } => raise("DesignError", message),
+        Error::NoSolution { .. } | Error::Inaccurate { .. } => raise("DesignError", message),
         Error::Parameter { .. } | Error::Unsuitable { .. } => raise("ParameterError", message),
     }
 }

@@ -90,26 +90,45 @@ def badly_scaled(seed):
     return a * unit[:, None] / unit, rng.normal(size=(n, m)) * unit[:, None], q, r, unit
 
 
-def test_badly_scaled_systems_are_solved_or_refused_never_answered_wrongly():
+def far_apart(seed):
+    """States and inputs in units up to twelve powers of ten apart, a cost of few of them."""
+    rng = np.random.default_rng(seed)
+    n, m = rng.integers(1, 9), rng.integers(1, 4)
+    unit = 10.0 ** rng.uniform(-6, 6, n)
+    seen = rng.normal(size=(rng.integers(1, n + 1), n)) / unit
+    a = rng.normal(size=(n, n)) * unit[:, None] / unit
+    q = seen.T @ seen * 10 ** rng.uniform(-6, 6)
+    return a, rng.normal(size=(n, m)) * unit[:, None], q, np.diag(10 ** rng.uniform(-6, 6, m)), unit
+
+
+@pytest.mark.parametrize("system", [badly_scaled, far_apart])
+def test_badly_scaled_systems_are_solved_or_refused_as_inaccurate(system):
+    """All of them have a solution, which nobody denies; a few are refused for want of digits."""
     refused = 0
-    for seed in range(100):
-        a, b, q, r, unit = badly_scaled(seed)
-        try:
-            p, k = care(a, b, q, r)
-        except DesignError:
-            refused += 1
-            continue
-        side = p @ b
-        moved = a.T @ p
-        residual = moved + moved.T - side @ np.linalg.solve(r, side.T) + q
-        # In units in which every state counts alike.
-        scale = unit[:, None] * unit
-        assert np.linalg.norm(residual * scale) < 1e-5 * np.linalg.norm(moved * scale)
-        assert np.max(np.linalg.eigvals(a - b @ k).real) < 0
+    for seed in range(300):
+        a, b, q, r, unit = system(seed)
         expected = scipy.linalg.solve_continuous_are(a, b, q, r)
+        try:
+            _, k = care(a, b, q, r)
+        except DesignError as error:
+            refused += 1
+            assert "continuous Riccati equation cannot be solved accurately" in str(error)
+            continue
+        assert np.max(np.linalg.eigvals((a - b @ k) / unit[:, None] * unit).real) < 0
         gain = np.linalg.solve(r, b.T @ expected)
         assert np.linalg.norm((k - gain) * unit) < 1e-3 * np.linalg.norm(gain * unit)
-    assert refused <= 3
+    assert refused <= 9
+
+
+def test_units_of_the_states_change_nothing_but_the_units():
+    """Powers of two are exact, so the balanced equation is the same to the bit."""
+    for seed in range(20):
+        a, b, q, r, _ = random_system(3000 + seed)
+        p, k = care(a, b, q, r)
+        unit = 2.0 ** np.random.default_rng(seed).integers(-30, 30, len(a))
+        scaled = care(a * unit[:, None] / unit, b * unit[:, None], q / np.outer(unit, unit), r)
+        assert np.allclose(scaled[0] * np.outer(unit, unit), p, rtol=1e-9, atol=1e-12 * p.max())
+        assert np.allclose(scaled[1] * unit, k, rtol=1e-9, atol=1e-12 * np.abs(k).max())
 
 
 # Thinner and finer ones (5 mm with 10 nodes) are refused: the residual stays above 1e-7.

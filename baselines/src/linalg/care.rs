@@ -1,12 +1,13 @@
 //! The continuous algebraic Riccati equation, by Cayley's map and doubling.
 //!
 //! Chu, Fan, Lin, "A structure-preserving doubling algorithm for continuous-time algebraic Riccati
-//! equations", Linear Algebra Appl. 396 (2005). Newton steps (Kleinman) polish the result.
+//! equations", Linear Algebra Appl. 396 (2005). Newton steps (Kleinman) polish the result. All of it
+//! happens in units of the states in which the equation is balanced.
 
 use super::lyapunov::{geometric_mean, lyapunov};
-use super::{Riccati, check, dare::doubling, spectral_abscissa, symmetric};
+use super::{Riccati, check, dare::doubling, eigenvalues, spectral_abscissa, symmetric};
 use crate::error::{Error, Result};
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 const EQUATION: &str = "continuous Riccati equation";
 
@@ -15,7 +16,8 @@ const EQUATION: &str = "continuous Riccati equation";
 ///
 /// # Errors
 /// Shapes that do not fit, R not positive definite; [`Error::NoSolution`] where the pair (A, B) is
-/// not stabilisable or a mode on the imaginary axis does not show in the cost.
+/// not stabilisable or a mode on the imaginary axis does not show in the cost;
+/// [`Error::Inaccurate`] where rounding leaves too few digits.
 pub fn care(
     a: &DMatrix<f64>,
     b: &DMatrix<f64>,
@@ -34,12 +36,20 @@ pub fn care(
     };
     let g = symmetric(&(b * r_chol.solve(&b.transpose())));
     let weight = symmetric(&weight);
-    let (x, error) = best_over_shifts(&free, &g, &weight).ok_or(Error::NoSolution {
+    let units = units(&free, &g, &weight);
+    let inverse = units.map(|unit| 1.0 / unit);
+    let hamiltonian = Hamiltonian {
+        a: scaled(&free, &inverse, &units),
+        g: scaled(&g, &inverse, &inverse),
+        q: scaled(&weight, &units, &units),
+    };
+    let (x, error) = hamiltonian.best_over_shifts().ok_or(Error::NoSolution {
         equation: EQUATION,
         reason: "doubling did not converge; is (A, B) stabilisable, and does the cost see every \
                  mode on the imaginary axis?"
             .into(),
     })?;
+    let x = scaled(&x, &inverse, &inverse);
 
     let mut rhs = b.tr_mul(&x);
     if let Some(n) = n {
@@ -49,48 +59,116 @@ pub fn care(
     let closed_loop = a - b * &gain;
     let abscissa = spectral_abscissa(&closed_loop);
     if abscissa.is_nan() || abscissa >= 0.0 {
-        return Err(Error::NoSolution {
-            equation: EQUATION,
-            reason: format!("the closed loop has a pole of real part {abscissa:.3e}"),
+        let found = format!("the closed loop found has a pole of real part {abscissa:.3e}");
+        // Half of the Hamiltonian's modes would be those of the closed loop.
+        let margin = hamiltonian.margin();
+        return Err(if margin > 1e-8 {
+            let reason =
+                format!("{found}; (A, B) is hardly stabilisable, or the weights are too far apart");
+            Error::Inaccurate { equation: EQUATION, reason }
+        } else {
+            Error::NoSolution { equation: EQUATION, reason: found }
         });
     }
     if error.is_nan() || error > 1e-7 {
-        return Err(Error::NoSolution {
+        return Err(Error::Inaccurate {
             equation: EQUATION,
-            reason: format!("the residual stays at {error:.2e} of its terms"),
+            reason: format!("the residual stays at {error:.1e} of its terms, allowed are 1e-7"),
         });
     }
     Ok(Riccati { cost: x, gain, closed_loop })
 }
 
-/// The best solution over several shifts of Cayley's map, with its residual relative to the
-/// equation's terms: any shift will do in exact arithmetic, but where the solution is huge one
-/// shift may keep digits that another loses.
-fn best_over_shifts(
-    a: &DMatrix<f64>,
-    g: &DMatrix<f64>,
-    q: &DMatrix<f64>,
-) -> Option<(DMatrix<f64>, f64)> {
+/// Units of the states, powers of two, in which each row of the Hamiltonian [A, -G; -Q, -A'] is as
+/// large as its column (Parlett and Reinsch's balancing, with the same unit for a state and, inverted,
+/// for its costate, so that the Hamiltonian stays one).
+fn units(a: &DMatrix<f64>, g: &DMatrix<f64>, q: &DMatrix<f64>) -> DVector<f64> {
     let n = a.nrows();
-    let mut hamiltonian = DMatrix::zeros(2 * n, 2 * n);
-    hamiltonian.view_mut((0, 0), (n, n)).copy_from(a);
-    hamiltonian.view_mut((0, n), (n, n)).copy_from(&-g);
-    hamiltonian.view_mut((n, 0), (n, n)).copy_from(&-q);
-    hamiltonian.view_mut((n, n), (n, n)).copy_from(&-a.transpose());
-    // The geometric mean of the poles brings slow and fast ones equally far into the disc.
-    let mean = geometric_mean(&hamiltonian)?;
-    let mut best: Option<(DMatrix<f64>, f64)> = None;
-    for factor in [1.0, 2.5, 0.4, 10.0, 0.1] {
-        let Some(x) = cayley(a, g, q, mean * factor) else { continue };
-        let (x, error) = polish(a, g, q, x);
-        if best.as_ref().is_none_or(|b| error < b.1) {
-            best = Some((x, error));
+    let mut units = DVector::from_element(n, 1.0);
+    for _ in 0..SWEEPS {
+        let mut settled = true;
+        for i in 0..n {
+            let (mut row, mut column) = (0.0, 0.0);
+            for j in 0..n {
+                let ratio: f64 = units[j] / units[i];
+                let product: f64 = units[j] * units[i];
+                if j != i {
+                    row += (a[(i, j)] * ratio).powi(2);
+                    column += (a[(j, i)] / ratio).powi(2);
+                }
+                row += (g[(i, j)] / product).powi(2);
+                column += (q[(i, j)] * product).powi(2);
+            }
+            // The unit u multiplies the column by u and the row by 1/u.
+            let power = (0.25 * libm::log2(row / column)).round();
+            if power.is_finite() && power != 0.0 {
+                units[i] *= libm::exp2(power);
+                settled = false;
+            }
         }
-        if error < 1e-12 {
+        if settled {
             break;
         }
     }
-    best
+    units
+}
+
+/// Sweeps over all states; a few settle the units.
+const SWEEPS: usize = 100;
+
+/// Row i times `rows[i]`, column j times `columns[j]`.
+fn scaled(m: &DMatrix<f64>, rows: &DVector<f64>, columns: &DVector<f64>) -> DMatrix<f64> {
+    DMatrix::from_fn(m.nrows(), m.ncols(), |i, j| m[(i, j)] * rows[i] * columns[j])
+}
+
+/// Shifts to try, in units of the geometric mean of the poles, until one keeps all digits.
+const SHIFTS: [f64; 9] = [1.0, 2.5, 0.4, 10.0, 0.1, 30.0, 0.03, 100.0, 0.01];
+
+/// Blocks of [A, -G; -Q, -A'], in the units in which it is balanced.
+struct Hamiltonian {
+    a: DMatrix<f64>,
+    g: DMatrix<f64>,
+    q: DMatrix<f64>,
+}
+
+impl Hamiltonian {
+    fn matrix(&self) -> DMatrix<f64> {
+        let n = self.a.nrows();
+        let mut whole = DMatrix::zeros(2 * n, 2 * n);
+        whole.view_mut((0, 0), (n, n)).copy_from(&self.a);
+        whole.view_mut((0, n), (n, n)).copy_from(&-&self.g);
+        whole.view_mut((n, 0), (n, n)).copy_from(&-&self.q);
+        whole.view_mut((n, n), (n, n)).copy_from(&-self.a.transpose());
+        whole
+    }
+
+    /// Distance of the nearest mode from the imaginary axis, as a share of the largest mode.
+    fn margin(&self) -> f64 {
+        let modes = eigenvalues(&self.matrix());
+        let nearest = modes.iter().map(|z| z.re.abs()).fold(f64::INFINITY, f64::min);
+        nearest / modes.iter().map(|z| libm::hypot(z.re, z.im)).fold(0.0, f64::max)
+    }
+
+    /// The best solution over several shifts of Cayley's map, with its residual relative to the
+    /// equation's terms: any shift will do in exact arithmetic, but where the solution is huge one
+    /// shift may keep digits that another loses.
+    fn best_over_shifts(&self) -> Option<(DMatrix<f64>, f64)> {
+        let Hamiltonian { a, g, q } = self;
+        // The geometric mean of the poles brings slow and fast ones equally far into the disc.
+        let mean = geometric_mean(&self.matrix())?;
+        let mut best: Option<(DMatrix<f64>, f64)> = None;
+        for factor in SHIFTS {
+            let Some(x) = cayley(a, g, q, mean * factor) else { continue };
+            let (x, error) = polish(a, g, q, x);
+            if best.as_ref().is_none_or(|b| error < b.1) {
+                best = Some((x, error));
+            }
+            if error < 1e-12 {
+                break;
+            }
+        }
+        best
+    }
 }
 
 /// Newton's steps (Kleinman) as long as they help; the residual is relative to the equation's terms,

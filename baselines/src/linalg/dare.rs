@@ -13,7 +13,8 @@ use nalgebra::DMatrix;
 ///
 /// # Errors
 /// Shapes that do not fit, R not positive definite; [`Error::NoSolution`] where the pair (A, B) is
-/// not stabilisable or an eigenvalue on the unit circle does not show in the cost.
+/// not stabilisable or an eigenvalue on the unit circle does not show in the cost;
+/// [`Error::Inaccurate`] where rounding leaves too few digits.
 pub fn dare(
     a: &DMatrix<f64>,
     b: &DMatrix<f64>,
@@ -134,9 +135,10 @@ fn verify(s: &Riccati, error: f64, a: &DMatrix<f64>, q: &DMatrix<f64>) -> Result
         });
     }
     if error.is_nan() || error > 1e-7 * scale {
-        return Err(Error::NoSolution {
+        let left = error / scale;
+        return Err(Error::Inaccurate {
             equation: EQUATION,
-            reason: format!("the residual stays at {:.2e} of its terms", error / scale),
+            reason: format!("the residual stays at {left:.1e} of its terms, allowed are 1e-7"),
         });
     }
     Ok(s.clone())

@@ -45,4 +45,6 @@ class SolverError(RodgymError, ArithmeticError):
 
 
 class DesignError(RodgymError, ValueError):
-    """A controller that cannot be designed, such as a Riccati equation without solution."""
+    """A controller that cannot be designed: a Riccati equation without solution, or too ill
+    conditioned for one.
+    """

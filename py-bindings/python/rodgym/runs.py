@@ -62,8 +62,12 @@ class Run:
 
     def file(self, name: str) -> Path:
         """A file of this run, in a folder that is there."""
+        return self.folder() / name
+
+    def folder(self) -> Path:
+        """The folder, made now where it is not there."""
         self.path.mkdir(parents=True, exist_ok=True)
-        return self.path / name
+        return self.path
 
     def keep_policy(self) -> None:
         """Refuses to go on where a training would replace the policy of an earlier one.

@@ -31,7 +31,7 @@ def reproduce(run: Run, progress: Callable[[str], None]) -> list[Finding]:
     for name, figure in FIGURES.items():
         progress(name)
         with styled():
-            findings.append(figure(run.path))
+            findings.append(figure(run.folder()))
     write_findings(run, TITLE, findings)
     return findings
 
