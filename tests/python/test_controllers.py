@@ -28,6 +28,29 @@ def test_a_claim_holds(claim):
     assert holds, row
 
 
+def test_every_number_of_the_summary_is_in_the_measured_table():
+    """The table of docs/baselines.md against the rows of docs/controllers.md."""
+    docs = SCRIPT.parents[2] / "docs"
+    measured = {}
+    for line in (docs / "controllers.md").read_text(encoding="utf-8").splitlines():
+        if line.startswith("| `l") and " of 100" in line:
+            what, _, upright, *_ = [cell.strip() for cell in line.strip("|").split("|")]
+            measured[what] = upright.removesuffix(" of 100")
+    lines = (docs / "baselines.md").read_text(encoding="utf-8").splitlines()
+    head = next(i for i, line in enumerate(lines) if line.startswith("| | 5 mm |"))
+    widths = [cell.strip() for cell in lines[head].strip("|").split("|")][1:]
+    seen = 0
+    for line in lines[head + 2 : head + 10]:
+        name, *cells = [cell.strip() for cell in line.strip("|").split("|")]
+        law, what = name.split(", ", 1)
+        what = what.replace("half of", "50% of")
+        for width, cell in zip(widths, cells, strict=True):
+            if cell:
+                assert measured[f"{law}, {width}, {what}"] == cell, (name, width)
+                seen += 1
+    assert seen == 39
+
+
 def test_a_claim_that_does_not_hold_is_seen():
     """No controller does this: the table's marks are not always kind."""
     claim = controllers.Claim("nothing", "zero", controllers.SWING_UP, 95)
