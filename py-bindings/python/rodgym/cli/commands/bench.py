@@ -36,6 +36,8 @@ def run(args: argparse.Namespace) -> int:
     from rodgym.runs import Run
 
     folder: Run = Run(args.name, args.runs)
+    # A folder that cannot be made is known before anything is measured.
+    folder.folder()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of other simulators
         page = bench(folder, QUICK if args.quick else FULL)

@@ -92,6 +92,8 @@ def run(args: argparse.Namespace) -> int:
     for name in [*controllers, *(args.policy or [])]:
         load_policy(name, env)
     env.close()
+    if args.policy:
+        folder.folder()
     return report(args, controllers, folder)
 
 
