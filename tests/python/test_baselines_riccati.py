@@ -121,7 +121,7 @@ def test_badly_scaled_systems_are_solved_or_refused_as_inaccurate(system):
 
 
 def test_units_of_the_states_change_nothing_but_the_units():
-    """Powers of two are exact, so the balanced equation is the same to the bit."""
+    """Powers of two are exact; balancing leaves what rounding makes of another order of sums."""
     for seed in range(20):
         a, b, q, r, _ = random_system(3000 + seed)
         p, k = care(a, b, q, r)
