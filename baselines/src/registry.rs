@@ -1,7 +1,7 @@
 //! All controllers by name, and the one function that makes one for an environment.
 
 use crate::controller::Controller;
-use crate::error::{Result, parameter};
+use crate::error::{Error, Result, parameter};
 use crate::gait::Gait;
 use crate::pendulum::{HybridLqr, Lqg, Lqr, Noise, RodDesign, ThesisLqg};
 use rodgym_core::fin::cycle::Waveform;
@@ -45,8 +45,13 @@ pub fn make(name: &str, target: &Target) -> Result<Box<dyn Controller>> {
         "gait-triangle" => return gait(Waveform::Triangle),
         _ => {}
     }
-    if !NAMES.contains(&name) {
+    let Some(&known) = NAMES.iter().find(|known| **known == name) else {
         return Err(parameter("controller", name, &format!("one of {}", NAMES.join(", "))));
+    };
+    // An observation of a fin may be as long as one of a pendulum; only a fin has a geometry.
+    if target.config.contains_key("geometry") {
+        let reason = "it is a fin's, and this law is for the pendulum; a fin has gaits".into();
+        return Err(Error::Unsuitable { controller: known, reason });
     }
     let rod = RodDesign::from_config(&target.config)?;
     match name {

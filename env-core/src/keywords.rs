@@ -108,7 +108,9 @@ pub fn check_names(given: &Map<String, Value>, known: &[&str]) -> Result<()> {
 /// A finite number within `[low, high]`.
 pub fn number(name: &str, value: &Value, low: f64, high: f64) -> Result<f64> {
     let fits = value.as_f64().filter(|x| (low..=high).contains(x));
-    fits.ok_or_else(|| Error::parameter(name, value, format!("a number from {low} to {high}")))
+    let allowed =
+        || if low == high { low.to_string() } else { format!("a number from {low} to {high}") };
+    fits.ok_or_else(|| Error::parameter(name, value, allowed()))
 }
 
 /// How many times `dt` fits into a duration that must be a multiple of it.

@@ -101,6 +101,10 @@ pub(crate) fn bend_key(picture: &mut Picture, layout: Layout, (left, bottom): Po
     picture.text((left + layout.bar, baseline), layout.font, Align::Right, FAINT_INK, "+");
 }
 
+/// Thrust that an axis always has room for \[N\]: about the most that a fin of the defaults gives, so that the axis
+/// is the same from picture to picture.
+const USUAL_THRUST: f64 = 0.5;
+
 /// Thrust over the remembered steps, the present at the right, and the thrust that is demanded \[N\], in the
 /// rectangle from `low` to `high`.
 pub(crate) fn thrust_trace(
@@ -116,7 +120,7 @@ pub(crate) fn thrust_trace(
     let (left, right) = (low.0 + pad + 6.2 * small, high.0 - pad);
     let values = past.moments.iter().filter_map(|m| Some((m.step, m.thrust?)));
     let all = || values.clone().map(|(_, v)| v).chain(demand);
-    let top = round_up(all().fold(0.05, f64::max));
+    let top = round_up(all().fold(USUAL_THRUST, f64::max));
     let bottom = round_up(all().fold(0.0, |m, v| m.max(-v))).max(0.2 * top);
     let scale = (high.1 - low.1 - 2.0 * pad) / (top + bottom) as f32;
     let y = |v: f64| low.1 + pad + (top - v) as f32 * scale;

@@ -120,19 +120,26 @@ impl Geometry {
     pub fn check(&self) -> Result<()> {
         for (name, value) in [("edge_length", self.edge_length), ("height", self.height)] {
             if !(value.is_finite() && value > 0.0) {
+                let name = format!("geometry['{name}']");
                 return Err(Error::parameter(name, value, "positive and finite"));
             }
         }
         let n = self.nodes();
         if !(4..=1001).contains(&n) {
-            return Err(Error::parameter("nodes", n, "between 4 and 1001"));
+            return Err(Error::Shape {
+                name: "geometry['widths']".into(),
+                got: format!("({n},)"),
+                expected: "(n,), one value a node, with n from 4 to 1001".into(),
+            });
         }
         if self.pivot + 3 > n {
             let allowed =
                 format!("at most {}, so that a free edge is behind the driven one", n - 3);
-            return Err(Error::parameter("pivot", self.pivot, allowed));
+            return Err(Error::parameter("geometry['pivot']", self.pivot, allowed));
         }
-        for (name, column) in [("areas", &self.areas), ("stiffness_profile", &self.stiffness)] {
+        for (name, column) in
+            [("geometry['areas']", &self.areas), ("stiffness_profile", &self.stiffness)]
+        {
             if column.len() != n {
                 return Err(Error::Shape {
                     name: name.into(),
@@ -142,8 +149,8 @@ impl Geometry {
             }
         }
         let columns = [
-            ("widths", &self.widths, WIDTH, "m"),
-            ("areas", &self.areas, AREA, "m^2"),
+            ("geometry['widths']", &self.widths, WIDTH, "m"),
+            ("geometry['areas']", &self.areas, AREA, "m^2"),
             ("stiffness_profile", &self.stiffness, STIFFNESS, "times youngs_modulus"),
         ];
         for (name, column, (low, high), unit) in columns {

@@ -124,17 +124,37 @@ class Machine:
 
     @property
     def fin(self) -> Fin:
-        """A copy of the fin as it is now; stepping it leaves the environment alone."""
+        """A copy of the fin as it is now; stepping it leaves the environment alone.
+
+        Raises:
+            AttributeError: the environment has a pendulum.
+        """
         from rodgym.sim import Fin
 
+        self._needs("fin")
         return Fin.of(self)
 
     @property
     def rod(self) -> Pendulum:
-        """A copy of the plant as it is now; stepping it leaves the environment alone."""
+        """A copy of the pendulum as it is now; stepping it leaves the environment alone.
+
+        Raises:
+            AttributeError: the environment has a fin.
+        """
         from rodgym.sim import Pendulum
 
+        self._needs("pendulum")
         return Pendulum.of(self)
+
+    @property
+    def kind(self) -> str:
+        """Which machine it is: `"pendulum"` or `"fin"`."""
+        return "fin" if "geometry" in self.config else "pendulum"
+
+    def _needs(self, kind: str) -> None:
+        if self.kind != kind:
+            mine = {"fin": "fin", "pendulum": "rod"}[self.kind]
+            raise AttributeError(f"this environment has a {self.kind}, not a {kind}: see `.{mine}`")
 
     def scene(self) -> dict[str, Any]:
         """What there is to draw: nodes, thickness, curvature, action, time, named values."""

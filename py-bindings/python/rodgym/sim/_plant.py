@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rodgym import _native
-from rodgym._checks import matrix
+from rodgym._checks import matrix, refused
 from rodgym._machine import Array, Machine
 
 if TYPE_CHECKING:
@@ -87,3 +87,11 @@ class Plant(Generic[Native]):
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}(nodes={len(self.positions)}, time={self.time:g})"
+
+
+def machine_of(env: Any, kind: str) -> Machine:
+    """The machine of an environment, however it is wrapped."""
+    machine = getattr(env, "unwrapped", env)
+    if not isinstance(machine, Machine) or machine.kind != kind:
+        raise refused("machine", env, f"one environment of rodgym with a {kind}")
+    return machine

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import gymnasium as gym
 import numpy.typing as npt
 
 from rodgym import _native
 from rodgym._checks import count, number, vector
 from rodgym._machine import Array, Machine
-from rodgym.sim._plant import Plant
+from rodgym.sim._plant import Plant, machine_of
 
 
 class Linear(NamedTuple):
@@ -46,9 +47,14 @@ class Pendulum(Plant[_native.PendulumSimulation]):
         self._native = _native.PendulumSimulation(rod)
 
     @classmethod
-    def of(cls, machine: Machine) -> Pendulum:
-        """The pendulum of an environment, with this episode's parameters and as it is now."""
-        return cls._like(machine)
+    def of(cls, machine: Machine | gym.Env[Any, Any]) -> Pendulum:
+        """The pendulum of an environment, wrapped or not, with this episode's parameters and as it
+        is now.
+
+        Raises:
+            ParameterError: not one environment with a pendulum.
+        """
+        return cls._like(machine_of(machine, "pendulum"))
 
     @property
     def angles(self) -> Array:
