@@ -9,7 +9,7 @@ use crate::seed::Stream;
 use serde::{Deserialize, Serialize};
 
 const MAGIC: &[u8; 6] = b"RODGYM";
-const VERSION: u16 = 2;
+const VERSION: u16 = 3;
 const HEADER: usize = 6 + 2 + 4 + 4;
 
 /// Everything that the future of one environment depends on.

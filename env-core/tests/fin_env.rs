@@ -78,42 +78,143 @@ fn random_commands_never_break_the_fin() {
     }
 }
 
-/// Commands faster than 5 Hz earn nothing: alone they lose against the best slow sine, and a rapid chatter
-/// on top of that sine only costs (in FinEfficiency it may bring the thrust to the demand).
+type Command = Box<dyn Fn(usize) -> f64>;
+
+/// Fins that are soft, as stiff as allowed, resonant just above 5 Hz (the wet bending mode is at 11.8 Hz times the
+/// root of E / 8.11 MPa), and the thesis'.
+fn fins() -> Vec<Value> {
+    let mut fins: Vec<Value> = [3e4, 2.5e5, 8e5, 1.5e6, 1.7e6, 2e6, 3e6, 8.11e6, 1e7]
+        .map(|e| json!({"youngs_modulus": e, "start_pitch": [0.0, 0.0]}))
+        .to_vec();
+    fins.push(json!({"thesis": true, "stepper": "bdf2", "start_pitch": [0.0, 0.0]}));
+    fins
+}
+
+/// Sines to 5 Hz (and holding still); above, sines and patterns of two, three and four steps (12.5, 8.3 and 6.25 Hz);
+/// all amplitudes up to the largest.
+fn slow_and_fast() -> (Vec<Command>, Vec<Command>) {
+    let (mut slow, mut fast): (Vec<Command>, Vec<Command>) = (vec![], vec![]);
+    for a in [0.0, 0.1, 0.2, 0.4, 0.6, 1.0] {
+        for f in [0.75, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0] {
+            slow.push(Box::new(move |k: usize| sine(a, f, k)));
+        }
+    }
+    for a in [0.1, 0.3, 1.0] {
+        for f in [5.25, 5.5, 5.75, 6.0, 6.5, 7.0, 8.0, 9.5, 11.0, 11.5, 12.0, 12.5] {
+            // A quarter period off, so that 12.5 Hz is not sampled at its zeros.
+            fast.push(Box::new(move |k: usize| a * libm::cos(TAU * f * 0.04 * k as f64)));
+        }
+        for pattern in [[1.0, -1.0, 1.0, -1.0], [1.0, 1.0, -1.0, -1.0], [1.0, 0.0, -1.0, 0.0]] {
+            fast.push(Box::new(move |k: usize| a * pattern[k % 4]));
+        }
+        for pattern in [[1.0, 0.0, -1.0], [1.0, -0.5, -0.5]] {
+            fast.push(Box::new(move |k: usize| a * pattern[k % 3]));
+        }
+    }
+    (slow, fast)
+}
+
+/// Returns of one fin under each command.
+fn returns_of(id: &str, kwargs: &Value, commands: &[Command]) -> Vec<f64> {
+    let n = commands.len();
+    let mut env = batch(id, n, kwargs.clone());
+    let mut out = StepBuffer::new(env.spec(), n);
+    env.reset(&Seeds::Base(0), None, &ResetOptions::default(), out.data()).expect("reset");
+    let mut sums = vec![0.0; n];
+    for step in 0..200 {
+        let actions: Vec<f32> = commands.iter().map(|c| c(step) as f32).collect();
+        env.step(&actions, out.data()).expect("finite actions");
+        sums.iter_mut().zip(&out.reward).for_each(|(sum, reward)| *sum += reward);
+    }
+    sums
+}
+
+/// Commands faster than 5 Hz earn nothing that a slow one or none would not, whatever fin it is.
 #[test]
 fn fast_commands_do_not_pay() {
+    let (slow, fast) = slow_and_fast();
     for id in IDS {
-        // A larger demand than a gait gives, or a smaller one, is met by none of them.
-        let kwargs =
-            if id == "rodgym/FinEfficiency-v0" { json!({"demand": [0.1, 0.1]}) } else { json!({}) };
-        let slow: Vec<Box<dyn Fn(usize) -> f64>> =
-            [(0.4, 2.5), (0.3, 3.0), (0.3, 3.5), (0.25, 3.0)]
-                .into_iter()
-                .map(|(a, f)| Box::new(move |k: usize| sine(a, f, k)) as Box<dyn Fn(usize) -> f64>)
-                .collect();
-        let fast: Vec<Box<dyn Fn(usize) -> f64>> = [5.5, 6.25, 7.0, 8.33, 10.0, 12.5]
-            .into_iter()
-            .flat_map(|f| [0.1, 0.3, 1.0].into_iter().map(move |a| (a, f)))
-            .map(|(a, f)| {
-                // A quarter period off, so that 12.5 Hz is not sampled at its zeros.
-                Box::new(move |k: usize| a * libm::cos(TAU * f * 0.04 * k as f64))
-                    as Box<dyn Fn(usize) -> f64>
-            })
-            .collect();
-        let best = |commands: &[Box<dyn Fn(usize) -> f64>]| {
-            let list: Vec<&dyn Fn(usize) -> f64> = commands.iter().map(|c| c.as_ref()).collect();
-            returns(id, kwargs.clone(), &list).into_iter().fold(f64::NEG_INFINITY, f64::max)
-        };
-        let (slow, fast) = (best(&slow), best(&fast));
-        assert!(slow > fast, "{id}: slow {slow}, fast {fast}");
-        if id == "rodgym/FinEfficiency-v0" {
-            continue;
+        let mut fins = fins();
+        match id {
+            "rodgym/FinThrust-v0" => {
+                let still = [1.5e6, 1.6e6, 1.7e6, 1.8e6].map(
+                    |e| json!({"youngs_modulus": e, "flow_speed": 0.0, "start_pitch": [0.0, 0.0]}),
+                );
+                let quick = [2.5e5, 1.7e6, 8.11e6].map(
+                    |e| json!({"youngs_modulus": e, "flow_speed": 0.3, "start_pitch": [0.0, 0.0]}),
+                );
+                fins.extend(still.into_iter().chain(quick));
+            }
+            "rodgym/FinEfficiency-v0" => {
+                fins.iter_mut().for_each(|fin| fin["demand"] = json!([0.1, 0.1]));
+            }
+            _ => {}
         }
-        let chatter =
-            |a: f64| move |k: usize| sine(0.3, 2.0, k) + if k.is_multiple_of(2) { a } else { -a };
-        let (none, some, much) = (chatter(0.0), chatter(0.1), chatter(0.25));
-        let r = returns(id, json!({}), &[&none, &some, &much]);
-        assert!(r[0] > r[1] && r[1] > r[2], "{id}: chatter pays {r:?}");
+        for fin in fins {
+            let best = |commands: &[Command]| {
+                returns_of(id, &fin, commands).into_iter().fold(f64::NEG_INFINITY, f64::max)
+            };
+            let (slow, fast) = (best(&slow), best(&fast));
+            assert!(slow >= fast, "{id} {fin}: slow {slow}, fast {fast}");
+        }
+    }
+}
+
+/// A rapid chatter on top of a gait goes unnoticed: the servo never hears of it.
+#[test]
+fn chatter_on_a_gait_does_not_pay() {
+    for id in ["rodgym/FinThrust-v0", "rodgym/FinSwim-v0"] {
+        for fin in [json!({}), json!({"thesis": true, "stepper": "bdf2"})] {
+            let chatter = |a: f64| {
+                move |k: usize| sine(0.5, 2.0, k) + if k.is_multiple_of(2) { a } else { -a }
+            };
+            let (none, some, much) = (chatter(0.0), chatter(0.1), chatter(0.5));
+            let r = returns(id, fin, &[&none, &some, &much]);
+            let most = r[1].max(r[2]);
+            assert!(most < r[0] + 0.1, "{id}: chatter pays {r:?}");
+        }
+    }
+}
+
+/// The thesis' stiff fin can be swum: a slow sine earns what standing still does not.
+#[test]
+fn the_thesis_fin_can_earn() {
+    let r = returns(
+        "rodgym/FinThrust-v0",
+        json!({"thesis": true, "stepper": "bdf2"}),
+        &[&|_| 0.0, &|k| sine(1.0, 1.25, k)],
+    );
+    assert!(r[0] < 0.0 && r[1] > 5.0, "{r:?}");
+}
+
+/// The low-pass has the gain of Butterworth's filter of order ten, and its servo that of a critically damped one.
+#[test]
+fn the_low_pass_is_butterworths() {
+    use rodgym_core::fin::servo::{FREQUENCY, Servo, Ticks};
+    let (cutoff, dt) = (3.0, 4e-3);
+    let ticks = Ticks::new(dt, Some(cutoff));
+    for frequency in [0.5, 1.0, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0] {
+        let mut servo = Servo::<f64>::default();
+        let (mut smoothed, mut pitch) = ([0.0; 2], [0.0; 2]);
+        let (settle, window) = (3000, (20.0 / frequency / dt).round() as usize);
+        for step in 0..settle + window {
+            let phase = TAU * frequency * dt * step as f64;
+            servo.advance(0.1 * libm::sin(phase), &ticks);
+            if step >= settle {
+                let weight = 20.0 / window as f64;
+                for (sum, part) in [libm::cos(phase), libm::sin(phase)].into_iter().enumerate() {
+                    smoothed[sum] += weight * part * servo.smoothed.last().unwrap().angle;
+                    pitch[sum] += weight * part * servo.angle;
+                }
+            }
+        }
+        let gain = libm::hypot(smoothed[0], smoothed[1]);
+        let expected = 1.0 / (1.0 + (frequency / cutoff).powi(20)).sqrt();
+        // First order in the tick of 1 ms; the least damped stage feels it most.
+        assert!((gain / expected - 1.0).abs() < 0.15, "{frequency} Hz: {gain}, not {expected}");
+        let servo_gain = 1.0 / (1.0 + (TAU * frequency / FREQUENCY).powi(2));
+        let found = libm::hypot(pitch[0], pitch[1]) / gain;
+        assert!((found / servo_gain - 1.0).abs() < 0.05, "{frequency} Hz: servo {found}");
     }
 }
 
@@ -123,10 +224,15 @@ fn fast_commands_do_not_pay() {
 fn bursts_of_power_do_not_pay() {
     let kick = [0.072, 0.07, 0.104, -0.283, 0.402, 0.054, 0.07, 0.069];
     let kicks = move |k: usize| kick[k % 8];
-    let steady = |k: usize| sine(0.115, 3.0, k);
-    let kwargs = json!({"demand": [0.02, 0.02], "start_pitch": [0.0, 0.0]});
-    let r = returns("rodgym/FinEfficiency-v0", kwargs, &[&kicks, &steady]);
-    assert!(r[1] > r[0] + 50.0, "kicks earn {}, the sinusoid {}", r[0], r[1]);
+    // The low-pass takes the kicks themselves; the bound must hold without it too.
+    for (cutoff, amplitude) in [(json!(3.0), 0.18), (Value::Null, 0.115)] {
+        let steady = |k: usize| sine(amplitude, 3.0, k);
+        let start = json!([0.0, 0.0]);
+        let kwargs =
+            json!({"demand": [0.02, 0.02], "start_pitch": start, "command_cutoff": cutoff});
+        let r = returns("rodgym/FinEfficiency-v0", kwargs, &[&kicks, &steady]);
+        assert!(r[1] > r[0] + 50.0, "{cutoff}: kicks earn {}, the sinusoid {}", r[0], r[1]);
+    }
 }
 
 /// Nothing is earned by the settling at the start: a fin that is told to stay where it begins. A single stroke

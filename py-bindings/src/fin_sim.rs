@@ -16,7 +16,7 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<FinSimulation>()
 }
 
-/// The flexible fin without servo, sensors or control step.
+/// The flexible fin without sensors or control step.
 #[pyclass(module = "rodgym._native", frozen)]
 pub struct FinSimulation(Mutex<Fin>);
 
@@ -102,6 +102,13 @@ impl FinSimulation {
         let mut guard = self.lock(py)?;
         let fin = &mut *guard;
         in_parts(py, n, |part| fin.step(pitch, part))
+    }
+
+    /// `n` physics steps under the servo, told this pitch [rad].
+    fn drive(&self, py: Python<'_>, command: f64, n: u64) -> PyResult<()> {
+        let mut guard = self.lock(py)?;
+        let fin = &mut *guard;
+        in_parts(py, n, |part| fin.drive(command, part))
     }
 
     /// Physics steps that end at the given pitches [rad]; thrust [N], torque [N m], power [W] and y of the

@@ -9,7 +9,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import rodgym
-from rodgym.baselines import Gait
+from rodgym.baselines import Gait, Lqr
 from rodgym.errors import ParameterError, ShapeError
 from rodgym.evaluation import evaluate, record
 from rodgym.report import gaits
@@ -50,6 +50,59 @@ def test_the_fin_of_an_environment_is_where_the_environment_is():
     assert not np.array_equal(fin.positions, env.positions)
 
 
+def test_the_bare_fin_has_the_servo_of_the_environments():
+    env = gym.make(THRUST, youngs_modulus=2.5e5)
+    env.reset(seed=2)
+    fin = rodgym.sim.Fin.of(env)
+    bare = rodgym.sim.Fin(command_cutoff=None)
+    bare.set_state(fin.positions, fin.velocities)
+    for action in (1.0, 1.0, 1.0, 0.5, 0.5):
+        env.step(np.array([action], np.float32))
+        for each in (fin, bare):
+            each.drive(action * env.unwrapped.config["pitch_limit"], n=10)
+    # (The pitch at the start is read from the positions, so to rounding only.)
+    assert fin.positions == pytest.approx(env.unwrapped.positions, abs=1e-12)
+    # Without its low-pass the servo is far ahead after 0.2 s.
+    assert abs(bare.loads["pitch"] - fin.loads["pitch"]) > 0.05
+    with pytest.raises(ParameterError, match="command = nan"):
+        fin.drive(float("nan"))
+    with pytest.raises(ParameterError, match=r"command_cutoff = 0 .* 0.1 to 100"):
+        gym.make(THRUST, command_cutoff=0)
+
+
+def test_an_agent_sees_what_the_low_pass_holds():
+    env = gym.make(THRUST, youngs_modulus=2.5e5, start_pitch=(0.0, 0.0))
+    env.reset(seed=4)
+    seen = [env.step(np.ones(1, np.float32))[0] for _ in range(150)]
+    # A step comes through stage by stage, and in the end all stand at the limit of 20 degrees.
+    stages = seen[1][2:12:2]
+    assert (np.diff(stages) < 0).all() and stages[-1] > 0
+    limit = np.radians(20.0) / 0.5
+    assert seen[-1][[0, 2, 4, 6, 8, 10]] == pytest.approx(limit, abs=1e-3)
+    assert seen[-1][[1, 3, 5, 7, 9, 11]] == pytest.approx(0.0, abs=1e-3)
+    assert max(o[10] for o in seen) < 1.25 * limit
+    bare = gym.make(THRUST, command_cutoff=None)
+    bare.reset(seed=4)
+    observation = bare.step(np.full(1, 0.5, np.float32))[0]
+    assert observation[2:12] == pytest.approx([0.5 * limit, 0.0] * 5)
+
+
+def test_a_fin_is_not_a_pendulum():
+    env = gym.make(THRUST)
+    env.reset(seed=0)
+    with pytest.raises(AttributeError, match=r"has a fin, not a pendulum: see `.fin`"):
+        _ = env.unwrapped.rod
+    with pytest.raises(AttributeError, match=r"see `.rod`"):
+        _ = gym.make("rodgym/PendulumSwingUp-v0").unwrapped.fin
+    with pytest.raises(ParameterError, match="one environment of rodgym with a pendulum"):
+        rodgym.sim.Pendulum.of(env)
+    with pytest.raises(ParameterError, match="one environment of rodgym with a fin"):
+        rodgym.sim.Fin.of(gym.make_vec(THRUST, num_envs=2))
+    for name in ("FinThrust-v0", "FinSwim-v0", "FinEfficiency-v0"):
+        with pytest.raises(ParameterError, match=r"lqr cannot control .* a fin's"):
+            Lqr.for_env(gym.make(f"rodgym/{name}"))
+
+
 def test_bad_arguments_are_named():
     with pytest.raises(ParameterError, match="hydrodynamics"):
         rodgym.sim.Fin(hydrodynamics="wind")
@@ -57,14 +110,18 @@ def test_bad_arguments_are_named():
         rodgym.sim.Fin().set_state(np.zeros((3, 2)))
     with pytest.raises(ParameterError, match="stiffness_profile"):
         gym.make(THRUST, stiffness_profile=[1.0] * 7 + [-1.0])
-    with pytest.raises(ParameterError, match=r"widths\[3\] = 1000000 .* 1 m"):
+    with pytest.raises(ParameterError, match=r"geometry\['widths'\]\[3\] = 1000000 .* 1 m"):
         gym.make(THRUST, geometry={"widths": [0.0, 0.02, 0.02, 1e6, 0.01, 0.01, 0.004, 0.0]})
     # A free swimmer's water is at rest: another flow would be ignored in silence.
     swim = gym.make("rodgym/FinSwim-v0").unwrapped
     _, info = swim.reset(seed=0)
     assert info["parameters"]["flow_speed"] == 0.0
-    with pytest.raises(ParameterError, match="flow_speed"):
+    with pytest.raises(ParameterError, match=r"flow_speed = 0.1 .* must be 0$"):
         gym.make("rodgym/FinSwim-v0", flow_speed=0.1)
+    wrong = {"widths": [0.0, 0.01, 0.0], "height": 0, "pivot": 7, "areas": [1e-3]}
+    for name, value in wrong.items():
+        with pytest.raises((ParameterError, ShapeError), match=rf"geometry\['{name}'\]"):
+            gym.make(THRUST, geometry={name: value})
     with pytest.raises(ParameterError, match="flow_speed"):
         swim.reset(options={"parameters": {"flow_speed": 0.1}})
 

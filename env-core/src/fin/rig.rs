@@ -121,10 +121,9 @@ impl<R: Real> Rig<R> {
         }
         self.measurements(&mut |x| x.set(lane, 0.0));
         self.demand.set(lane, demand);
-        self.servo.angle.set(lane, pitch);
-        self.servo.rate.set(lane, rate);
         // The servo stands still until it is told otherwise.
         let command = (pitch / config.pitch_limit).clamp(-1.0, 1.0);
+        self.servo.place(lane, pitch, rate, command * config.pitch_limit);
         self.commands.iter_mut().for_each(|c| c.set(lane, command));
     }
 
@@ -164,11 +163,9 @@ impl<R: Real> Rig<R> {
         for i in (1..self.commands.len()).rev() {
             self.commands[i] = self.commands[i - 1];
         }
-        let limit = config.action_rate_limit;
-        self.commands[0] = self.commands[1] + (action - self.commands[1]).clip(-limit, limit);
+        self.commands[0] = action;
         let (old, part) = (config.delay / config.substeps, config.delay % config.substeps);
         let dt = config.design.physics_dt;
-        let ticks = Servo::<R>::ticks(dt);
         let scale = R::splat(config.pitch_limit);
         let share = R::splat(1.0 / config.substeps as f64);
         let before = self.fin.now.x[config.design.geometry.pivot].x;
@@ -178,7 +175,7 @@ impl<R: Real> Rig<R> {
             // During the first part of the step the command before is still on its way.
             let command = self.commands[if step < part { old + 1 } else { old }];
             let pitch = self.servo.angle;
-            self.servo.advance(command * scale, dt, ticks);
+            self.servo.advance(command * scale, &config.ticks);
             sound = sound.and(self.fin.step(self.servo.angle));
             let loads = self.fin.loads;
             self.mean.add(share, &loads);

@@ -2,7 +2,7 @@
 
 use super::config::{Config, Sensors, Task};
 use super::rig::Rig;
-use super::servo::RATE_LIMIT;
+use super::servo::{RATE_LIMIT, STAGES};
 use crate::env::Space;
 use crate::lane::{Mask, Real};
 use crate::seed::Stream;
@@ -29,7 +29,10 @@ pub fn space(config: &Config) -> Space {
         Sensors::Full => {
             bounded("pitch / 0.5 rad".into());
             bounded(format!("pitch rate / {RATE_LIMIT} rad/s"));
-            bounded("last command".into());
+            for stage in 1..=STAGES {
+                bounded(format!("smoothed command, stage {stage} / 0.5 rad"));
+                bounded(format!("its rate / {RATE_LIMIT} rad/s"));
+            }
             (2..nodes).for_each(|i| bounded(format!("turning angle at node {i} / 0.5 rad")));
             (2..nodes).for_each(|i| bounded(format!("turning rate at node {i} / 5 rad/s")));
             bounded("mean thrust of the last step / 0.5 N".into());
@@ -78,7 +81,10 @@ pub fn observe<R: Real>(
         Sensors::Full => {
             put(rig.servo.angle + noise(angle_noise), ANGLE_UNIT);
             put(rig.servo.rate + noise(rate_noise), RATE_LIMIT);
-            put(rig.commands[0], 1.0);
+            for stage in &rig.servo.smoothed {
+                put(stage.angle, ANGLE_UNIT);
+                put(stage.rate, RATE_LIMIT);
+            }
             // Tangent of half the turning angle is what the rod knows; the angle itself is what one reads.
             let tangent = |k: usize| {
                 let e = x[k + 1] - x[k];

@@ -1,9 +1,10 @@
-//! A single fin for people who want the physics: no servo, no task.
+//! A single fin for people who want the physics: no task, and a servo only where it is asked for.
 
 use super::config::{Config, Task};
 use super::geometry::Geometry;
 use super::parameters::Parameters;
 use super::plant::{Design, Loads, Plant, Scheme};
+use super::servo::{Servo, Ticks};
 use crate::error::{Error, Result};
 use crate::fluid::{Hydrodynamics, reactive, resistive};
 use crate::keywords::Keywords;
@@ -43,17 +44,20 @@ pub struct Energies {
     pub fluid: f64,
 }
 
-/// One fin, pitched by hand.
+/// One fin, pitched by hand or by its servo.
 #[derive(Clone, Debug)]
 pub struct Fin {
     plant: Plant<f64>,
+    servo: Servo<f64>,
+    ticks: Ticks,
     parameters: Parameters,
     steps: u64,
     resolved: Map<String, Value>,
 }
 
 /// Keywords beside the parameters.
-const KEYWORDS: [&str; 7] = [
+const KEYWORDS: [&str; 8] = [
+    "command_cutoff",
     "hydrodynamics",
     "stepper",
     "physics_dt",
@@ -64,7 +68,7 @@ const KEYWORDS: [&str; 7] = [
 ];
 
 impl Fin {
-    /// A straight fin at rest.
+    /// A straight fin at rest, without a low-pass before its servo.
     ///
     /// # Errors
     /// A design or parameter outside its range.
@@ -72,7 +76,9 @@ impl Fin {
         parameters.check()?;
         let mut plant = Plant::new(design)?;
         plant.begin(0, &parameters, 0.0);
-        Ok(Fin { plant, parameters, steps: 0, resolved: Map::new() })
+        let ticks = Ticks::new(plant.design.physics_dt, None);
+        let servo = Servo::default();
+        Ok(Fin { plant, servo, ticks, parameters, steps: 0, resolved: Map::new() })
     }
 
     /// The thesis' fin in the given water, stepped by BDF2 every `physics_dt` seconds.
@@ -116,6 +122,7 @@ impl Fin {
             parameters.set(i, draw.bounds().0)?;
         }
         let mut fin = Fin::new(config.design, parameters)?;
+        fin.ticks = config.ticks;
         for name in table.iter().map(|p| p.name).chain(KEYWORDS) {
             if let Some(value) = config.resolved.get(name) {
                 fin.resolved.insert(name.into(), value.clone());
@@ -149,12 +156,37 @@ impl Fin {
             return Err(Error::parameter("pitch", pitch, "finite"));
         }
         for _ in 0..n {
-            if !self.plant.step(pitch) {
-                let reason = format!("no solution for a step to pitch {pitch} rad");
-                return Err(Error::Solver { time: self.time(), reason });
-            }
-            self.steps += 1;
+            self.advance(pitch)?;
+            self.servo.place(0, pitch, 0.0, pitch);
         }
+        Ok(())
+    }
+
+    /// `n` physics steps under the servo of the environments, told this pitch \[rad\]. After `step` or `set_state`
+    /// it starts at rest at the pitch that the fin has.
+    ///
+    /// # Errors
+    /// Those of `step`.
+    pub fn drive(&mut self, command: f64, n: u64) -> Result<()> {
+        if !command.is_finite() {
+            return Err(Error::parameter("command", command, "finite"));
+        }
+        for _ in 0..n {
+            let mut servo = self.servo;
+            servo.advance(command, &self.ticks);
+            self.advance(servo.angle)?;
+            self.servo = servo;
+        }
+        Ok(())
+    }
+
+    /// One physics step that ends at this pitch.
+    fn advance(&mut self, pitch: f64) -> Result<()> {
+        if !self.plant.step(pitch) {
+            let reason = format!("no solution for a step to pitch {pitch} rad");
+            return Err(Error::Solver { time: self.time(), reason });
+        }
+        self.steps += 1;
         Ok(())
     }
 
@@ -206,6 +238,7 @@ impl Fin {
     pub fn set_state(&mut self, positions: &[[f64; 2]], velocities: &[[f64; 2]]) -> Result<()> {
         let (x, v, pitch) = self.plant.design.check_motion(positions, velocities)?;
         self.plant.set_motion(0, &x, &v, pitch);
+        self.servo.place(0, pitch, 0.0, pitch);
         self.steps = 0;
         Ok(())
     }

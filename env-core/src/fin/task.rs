@@ -28,6 +28,9 @@ const EARNING_BOUND: f64 = 4.0;
 const COST_BOUND: f64 = 16.0;
 /// Standard gravity, for the cost of transport \[m/s^2\].
 const GRAVITY: f64 = 9.81;
+/// Work of the servo since the episode began below which no efficiency is told \[J\]: that of a fin which hardly
+/// moves is drag over nothing.
+const LEAST_WORK: f64 = 1e-3;
 /// Slowest speed \[m/s\] and flow that ratios are taken of.
 const SLOW: f64 = 1e-3;
 
@@ -66,7 +69,8 @@ pub fn metrics(task: Task) -> Vec<&'static str> {
 pub fn score<R: Real>(config: &Config, rig: &Rig<R>, terms: &mut [R]) -> R {
     let mean = &rig.mean;
     let earn = |x: R, scale: f64| (x * R::splat(1.0 / scale)).clip(-EARNING_BOUND, EARNING_BOUND);
-    let cost = |scale: R| (mean.positive_power / scale).min(R::splat(COST_BOUND));
+    let weighted = mean.positive_power * R::splat(config.power_weight);
+    let cost = |scale: R| (weighted / scale).min(R::splat(COST_BOUND));
     match config.task {
         Task::Thrust => {
             terms[0] = earn(mean.shed_thrust, THRUST_SCALE);
@@ -90,7 +94,7 @@ pub fn score<R: Real>(config: &Config, rig: &Rig<R>, terms: &mut [R]) -> R {
     let geometry = &config.design.geometry;
     let area = geometry.length() * geometry.height;
     let pressure = R::splat(0.5 * WATER_DENSITY * area) * slow * slow;
-    let worked = R::splat(1e-9).lt(rig.work);
+    let worked = R::splat(LEAST_WORK).lt(rig.work);
     let efficiency = R::select(worked, flow * rig.impulse / rig.work, R::zero());
     let numbers = [
         mean.thrust,

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from typing import Any
 
+import gymnasium as gym
 import numpy.typing as npt
 
 from rodgym import _native
 from rodgym._checks import count, matrix, number, vector
 from rodgym._machine import Array, Machine
-from rodgym.sim._plant import Plant
+from rodgym.sim._plant import Plant, machine_of
 
 
 class Fin(Plant[_native.FinSimulation]):
-    """The flexible fin, pitched by hand: no servo, no task.
+    """The flexible fin, pitched by hand (`step`) or by its servo (`drive`): no task.
 
     It starts straight and at rest, nose at x = -40 mm, pivot at the origin. x points downstream;
     thrust is the force of the water along -x.
@@ -22,7 +23,8 @@ class Fin(Plant[_native.FinSimulation]):
         **fin: keywords of the environments that concern the fin and its water: `youngs_modulus`,
             `damping`, `bending_damping`, `density`, `flow_speed`, `added_mass_coefficient`,
             `friction_coefficient`, `drag_coefficient`, `hull_mass`, `hull_drag_area`,
-            `hydrodynamics`, `geometry`, `stiffness_profile`, `stepper`, `physics_dt`, `thesis`; and
+            `hydrodynamics`, `geometry`, `stiffness_profile`, `stepper`, `physics_dt`, `thesis`,
+            `command_cutoff` (3 Hz as there, None: the servo is told the bare command); and
             `free_swimming`, which frees the pivot along x in water at rest.
 
     Raises:
@@ -42,13 +44,17 @@ class Fin(Plant[_native.FinSimulation]):
         self._native = _native.FinSimulation(fin)
 
     @classmethod
-    def of(cls, machine: Machine) -> Fin:
-        """The fin of an environment, with this episode's parameters and as it is now.
+    def of(cls, machine: Machine | gym.Env[Any, Any]) -> Fin:
+        """The fin of an environment, wrapped or not: this episode's parameters, as it is now.
 
         The water's momentum follows from the motion; what the second-order stepper remembers of the
-        step before does not come along.
+        step before and the low-pass of the commands told does not come along.
+
+        Raises:
+            ParameterError: not one environment with a fin.
         """
-        return cls._like(machine, free_swimming="hull_speed" in machine.scene()["values"])
+        bare = machine_of(machine, "fin")
+        return cls._like(bare, free_swimming="hull_speed" in bare.scene()["values"])
 
     @property
     def loads(self) -> dict[str, float]:
@@ -81,6 +87,16 @@ class Fin(Plant[_native.FinSimulation]):
             SolverError: a step failed in its smallest parts; the state is the one before it.
         """
         self._native.step(number("pitch", pitch, "rad"), count(n))
+
+    def drive(self, command: float, n: int = 1) -> None:
+        """`n` physics steps under the servo of the environments, told this pitch [rad].
+
+        After `step` or `set_state` servo and low-pass start at rest at the pitch that the fin has.
+
+        Raises:
+            SolverError: a step failed in its smallest parts; the state is the one before it.
+        """
+        self._native.drive(number("command", command, "rad"), count(n))
 
     def follow(self, pitches: npt.ArrayLike) -> dict[str, Array]:
         """Physics steps that end at these pitches [rad], one after the other.
