@@ -188,6 +188,13 @@ def test_a_policy_for_other_observations_is_refused(capsys: pytest.CaptureFixtur
     assert "was trained in rodgym/PendulumSwingUp-v0 and sees 18 numbers" in capsys.readouterr().err
 
 
+def test_repeated_options_name_more_players(capsys: pytest.CaptureFixture[str]) -> None:
+    players = ["--policy", "random", "--policy", "zero", "--controller", "lqr"]
+    assert main(["compare", *players, "--controller", "lqr-hybrid", "--seeds", "1"]) == 0
+    shown = capsys.readouterr().out
+    assert all(name in shown for name in ("\nrandom", "\nzero", "\nLQR", "\nhybrid LQR"))
+
+
 def test_an_earlier_policy_is_kept_unless_forced(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["train", *SMALL, "--name", "mine"]) == 0
     policy = Path("runs/mine/policy.zip")

@@ -27,6 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_env(parser)
     parser.add_argument(
         "--controller",
+        action="extend",
         type=names,
         metavar="NAME,...",
         help="controllers to compare with, named by 'rodgym list' "
@@ -34,6 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--policy",
+        action="extend",
         type=some_names,
         metavar="FILE,...",
         help="trained policies to compare instead of training one; 'zoo' is the one of rodgym",
