@@ -164,8 +164,8 @@ def plot_precision(path: Path, found: Sequence[Point]) -> None:
                 axes.annotate(
                     f"{1e3 * point.dt:g} ms",
                     (1e6 * point.cost, 1e3 * point.error),
-                    xytext=(-5, -10) if below else (5, 4),
-                    ha="right" if below else "left",
+                    xytext=(-5, -10) if own else (0, -12) if below else (5, 4),
+                    ha="right" if own else "center" if below else "left",
                     textcoords="offset points",
                     fontsize=7,
                     color=FAINT if not own else COLOURS[at % len(COLOURS)],
