@@ -58,9 +58,10 @@ def _over_stiffness(axes: Axes, evaluations: Sequence[Evaluation], name: str, la
         modulus = 1e-3 * evaluation.columns["youngs_modulus"]
         values = column.scale * evaluation.columns[name]
         axes.plot(modulus, values, "o", ms=3.5, mew=0, alpha=0.6, color=colour)
-    low, high = axes.get_xlim()
-    if high > 1.5 * low > 0:
+    moduli = 1e-3 * np.concatenate([e.columns["youngs_modulus"] for e in evaluations])
+    if moduli.max() > 1.5 * moduli.min():
         axes.set_xscale("log")
+        low, high = axes.get_xlim()
         ticks = [t * 10**k for k in range(8) for t in (1, 2, 5) if low <= t * 10**k <= high]
         axes.set_xticks(ticks, [f"{t:g}" for t in ticks])
         axes.xaxis.set_minor_locator(NullLocator())
