@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import gc
+import itertools
 import os
 import platform
 import time
@@ -23,6 +24,9 @@ import numpy as np
 import rodgym
 
 FINS = tuple(env_id for env_id in rodgym.ENVIRONMENTS if "/Fin" in env_id)
+STEPPERS = ("bdf2", "backward_euler")
+#: Cut-off of the command's low-pass [Hz]: as usual, and none, which is rougher.
+CUTOFFS = (3.0, None)
 STIFFNESS = {"youngs_modulus": ("log_uniform", 3e4, 1e7)}
 FLOW = {"flow_speed": (0.0, 0.3)}
 PAGE = Path(__file__).parents[2] / "docs" / "fin-soak.md"
@@ -103,24 +107,24 @@ def main() -> None:
     parser.add_argument("--num-envs", type=int, default=1000)
     args = parser.parse_args()
     found = {}
-    for stepper in ("bdf2", "backward_euler"):
-        for env_id in FINS:
-            tally = soak(env_id, args.steps, args.num_envs, stepper=stepper)
-            found[env_id, stepper] = tally
-            print(env_id, stepper, tally, flush=True)
+    for stepper, cutoff, env_id in itertools.product(STEPPERS, CUTOFFS, FINS):
+        tally = soak(env_id, args.steps, args.num_envs, stepper=stepper, command_cutoff=cutoff)
+        found[env_id, stepper, cutoff] = tally
+        print(env_id, stepper, cutoff, tally, flush=True)
     PAGE.write_text(page(found), encoding="utf-8")
 
 
-def page(found: dict[tuple[str, str], Tally]) -> str:
+def page(found: dict[tuple[str, str, float | None], Tally]) -> str:
     """The result in Markdown."""
     names = [field.name for field in fields(Tally)]
     titles = ["steps", "episodes", "solver failures", "not finite", "out of bounds"]
     rows = []
-    for (env_id, stepper), tally in found.items():
+    for (env_id, stepper, cutoff), tally in found.items():
         *counts, growth, seconds = (getattr(tally, name) for name in names)
-        cells = [f"`{env_id}`", stepper, *(f"{c:,}" for c in counts)]
+        low_pass = f"{cutoff:g} Hz" if cutoff else "none"
+        cells = [f"`{env_id}`", stepper, low_pass, *(f"{c:,}" for c in counts)]
         rows.append([*cells, f"{growth / 1e6:+.1f} MB", f"{seconds:.0f} s"])
-    head = ["environment", "stepper", *titles, "memory", "time"]
+    head = ["environment", "stepper", "low-pass", *titles, "memory", "time"]
     table = [head, ["---"] * len(head), *rows]
     lines = "\n".join("| " + " | ".join(row) + " |" for row in table)
     when = time.strftime("%Y-%m-%d", time.gmtime())
@@ -132,7 +136,7 @@ def page(found: dict[tuple[str, str], Tally]) -> str:
 {when}, {machine}, rodgym {rodgym.__version__}. Stiffness log-uniform in [3e4, 1e7] Pa and
 flow uniform in [0, 0.3] m/s, drawn anew each episode (FinSwim: water at rest). Half of
 the fins are told a random angle at every step, a quarter the largest angles back and forth at
-random, a quarter sinusoids up to 12.5 Hz.
+random, a quarter sinusoids up to 12.5 Hz; with the low-pass of the command and without.
 
 {lines}
 

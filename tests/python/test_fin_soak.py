@@ -13,14 +13,15 @@ from conftest import FINS
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "long"))
 
-from fin_soak import STATUS, soak
+from fin_soak import CUTOFFS, STATUS, soak
 
 
 @pytest.mark.skipif(not STATUS.exists(), reason="the size of a process is read from Linux' /proc")
+@pytest.mark.parametrize("cutoff", CUTOFFS)
 @pytest.mark.parametrize("env_id", FINS)
-def test_random_commands_never_break_a_fin(env_id):
+def test_random_commands_never_break_a_fin(env_id, cutoff):
     # Longer than an episode, so that parameters are drawn anew.
-    tally = soak(env_id, steps=260 * 256, num_envs=256, seed=1)
+    tally = soak(env_id, steps=260 * 256, num_envs=256, seed=1, command_cutoff=cutoff)
     assert tally.steps == 260 * 256 and tally.episodes == 256
     assert (tally.failures, tally.not_finite, tally.out_of_bounds) == (0, 0, 0)
     assert tally.growth < 4e6
