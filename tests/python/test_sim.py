@@ -104,6 +104,17 @@ def test_a_pickled_machine_goes_on_to_the_bit(machine):
             one.step(0.02, n=7)
 
 
+def test_a_fin_pickled_in_mid_stroke_keeps_servo_and_low_pass():
+    fin = Fin()
+    fin.drive(0.3, n=100)
+    twin = pickle.loads(pickle.dumps(fin))
+    for one in (fin, twin):
+        one.drive(-0.3, n=10)
+    assert fin.loads["pitch"] > 0.2
+    assert twin.loads == fin.loads
+    assert np.array_equal(twin.positions, fin.positions)
+
+
 def test_a_damaged_pickle_is_refused():
     rod = Pendulum()
     before = rod.positions

@@ -246,7 +246,7 @@ impl Fin {
     /// Every number that the future depends on, and the steps since the state was set; `restore` takes them.
     pub fn snapshot(&self) -> (Vec<f64>, u64) {
         let mut numbers = Vec::new();
-        self.plant.clone().visit(&mut |x| numbers.push(*x));
+        self.clone().visit(&mut |x| numbers.push(*x));
         (numbers, self.steps)
     }
 
@@ -261,9 +261,15 @@ impl Fin {
             return Err(Error::snapshot(format!("{got} numbers, but this fin has {wanted}")));
         }
         let mut next = numbers.iter();
-        self.plant.visit(&mut |x| *x = *next.next().expect("counted above"));
+        self.visit(&mut |x| *x = *next.next().expect("counted above"));
         self.steps = steps;
         Ok(())
+    }
+
+    /// Calls `f` with every number that the future depends on: the fin's, its servo's and the low-pass'.
+    fn visit(&mut self, f: &mut dyn FnMut(&mut f64)) {
+        self.plant.visit(f);
+        self.servo.visit(f);
     }
 
     /// Forces and energies in any motion; the fin itself is not touched.
