@@ -66,7 +66,7 @@ def test_the_bare_fin_has_the_servo_of_the_environments():
     assert abs(bare.loads["pitch"] - fin.loads["pitch"]) > 0.05
     with pytest.raises(ParameterError, match="command = nan"):
         fin.drive(float("nan"))
-    with pytest.raises(ParameterError, match=r"command_cutoff = 0 .* 0.1 to 100"):
+    with pytest.raises(ParameterError, match=r"command_cutoff = 0 .* 0.1 to 100, or None"):
         gym.make(THRUST, command_cutoff=0)
 
 
@@ -85,6 +85,24 @@ def test_an_agent_sees_what_the_low_pass_holds():
     bare.reset(seed=4)
     observation = bare.step(np.full(1, 0.5, np.float32))[0]
     assert observation[2:12] == pytest.approx([0.5 * limit, 0.0] * 5)
+
+
+@pytest.mark.parametrize(("f", "left"), [(2.0, 0.97), (3.0, 0.63), (4.0, 0.05), (5.0, 0.006)])
+def test_the_low_pass_leaves_of_a_sine_what_its_transfer_function_says(f, left):
+    dt, tick, w = 0.004, 1e-3, 2 * np.pi * 3.0
+    env = gym.make(THRUST, control_dt=dt, start_pitch=(0.0, 0.0), max_episode_steps=1500)
+    env.reset(seed=0)
+    sine = np.sin(2 * np.pi * f * dt * np.arange(1500)).astype(np.float32)
+    seen = np.array([env.step(sine[k : k + 1])[0][10] for k in range(1500)])
+    # Five damped oscillators by backward Euler, at z on the unit circle.
+    z, gain = np.exp(2j * np.pi * f * tick), 1.0
+    for k in range(5):
+        damping = np.sin(np.pi * (2 * k + 1) / 20)
+        backward = 1 + 2 * damping * w * tick + (w * tick) ** 2
+        gain *= (w * tick) ** 2 * z / ((z - 1) * (backward * z - 1) + (w * tick) ** 2 * z)
+    assert seen[-250:].max() == pytest.approx(abs(gain) * np.radians(20.0) / 0.5, rel=0.01)
+    # What the page of the fin says.
+    assert abs(gain) == pytest.approx(left, abs=0.003)
 
 
 def test_a_fin_is_not_a_pendulum():

@@ -65,7 +65,7 @@ const BDF2_DT: f64 = 4e-3;
 /// Physics step of backward Euler, unless asked otherwise \[s\].
 const EULER_DT: f64 = 1e-3;
 /// Cut-off of the low-pass in front of the servo, unless asked otherwise \[Hz\]: beyond 5 Hz, where the model of
-/// the water is not to be trusted, less than 2 % of a command is left.
+/// the water is not to be trusted, less than 1 % of a command is left.
 const CUTOFF: f64 = 3.0;
 
 /// A fin environment's configuration.
@@ -142,7 +142,7 @@ impl Config {
         let physics_dt = keywords.number("physics_dt", divided, 1e-6, 0.04)?;
         let substeps = whole("control_dt", control_dt, physics_dt)?;
         let delay = keywords.number("actuator_delay", 0.0, 0.0, 10.0 * control_dt)?;
-        let command_cutoff = cutoff(given, &keywords)?;
+        let command_cutoff = cutoff(given)?;
         // The thesis' fin is stiff and damped: at the usual price of power it earns nothing whatever it does.
         let weight = if thesis { 0.5 } else { 1.0 };
         let noise = keywords.numbers("sensor_noise", &["angle", "rate"], 0.0, 100.0)?;
@@ -229,10 +229,15 @@ impl Config {
 }
 
 /// Cut-off of the low-pass \[Hz\]: 3 Hz, unless it is given; given as null there is none.
-fn cutoff(given: &Map<String, Value>, keywords: &Keywords<'_>) -> Result<Option<f64>> {
+fn cutoff(given: &Map<String, Value>) -> Result<Option<f64>> {
     match given.get("command_cutoff") {
         None => Ok(Some(CUTOFF)),
-        Some(_) => keywords.optional("command_cutoff", 0.1, 100.0),
+        Some(Value::Null) => Ok(None),
+        Some(value) => {
+            let fits = value.as_f64().filter(|f| (0.1..=100.0).contains(f));
+            let allowed = "a number from 0.1 to 100, or None for no low-pass";
+            fits.map(Some).ok_or_else(|| Error::parameter("command_cutoff", value, allowed))
+        }
     }
 }
 

@@ -34,10 +34,10 @@ class FinEnv(RodEnv):
 
     `Box(-1, 1, (1,), float32)`, held for `control_dt` (40 ms). Values beyond are clipped, NaN and
     infinity are refused. A low-pass smooths the command (Butterworth, order ten, `command_cutoff`
-    3 Hz; it comes a third of a second later and overshoots a step by a fifth), and the servo
-    (second order, 40 rad/s, critically damped, at most 6 rad/s) follows what is left: all of a sine
-    of 2 Hz, seven tenths at 3 Hz, 6 % at 4 Hz, less than 1 % at 5 Hz and above, where the model of
-    the water does not hold.
+    3 Hz; it comes a third of a second later and overshoots a step by a sixth), and the servo
+    (second order, 40 rad/s, critically damped, at most 6 rad/s) follows what is left: 97 % of a
+    sine of 2 Hz, 63 % at 3 Hz, 5 % at 4 Hz, less than 1 % at 5 Hz and above, where the model of the
+    water does not hold.
 
     | number | action | unit |
     |---|---|---|
@@ -129,7 +129,7 @@ class FinEnv(RodEnv):
     policy in `rodgym/zoo`, 1.5e6 steps in 14 minutes on two busy cores) 35.9, 14 % more, and SAC
     (recipe in `rodgym/zoo`, 60 000 steps in 3.5 minutes) 37.1, 18 % more. On the seeds 2000 to
     2049 PPO returns 34.0 and the sinusoid 25.2. PPO feels the stiffness: it beats at 2.2 Hz with
-    the softest quarter of the range (23.8 against 15.4) and with 3.1 Hz where the sinusoid fits
+    the softest quarter of the fins (24.0 against 16.6) and with 3.1 Hz where the sinusoid fits
     (60.1 against 61.0), and wastes less power on the stiffest fins (23.3 against 13.7 in the
     stiffest quarter). Its efficiency is 23.9 % against 26.0 %, over all episodes. `rodgym compare
     --env rodgym/FinThrust-v0 --policy zoo --controller gait-sine --seeds 500:550` shows it.
