@@ -12,6 +12,7 @@ import rodgym
 from PIL import Image
 from rodgym.cli import main
 from rodgym.cli.app import build_parser, command_names, load_command
+from rodgym.cli.arguments import key_value
 
 ENV = "rodgym/PendulumSwingUp-v0"
 
@@ -44,6 +45,22 @@ def test_every_command_has_help_with_an_example_that_its_parser_takes(
         program, *words = line.split()
         assert program == "rodgym"
         assert parser.parse_args(words).command == name
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("None", None),
+        ("null", None),
+        ("True", True),
+        ("false", False),
+        ("0.5", 0.5),
+        ("[1, 2]", [1, 2]),
+        ("bdf2", "bdf2"),
+    ],
+)
+def test_values_are_read_as_json_and_as_python_spells_them(text: str, value: object) -> None:
+    assert key_value(f"name={text}") == ("name", value)
 
 
 def test_help_does_not_load_heavy_packages() -> None:

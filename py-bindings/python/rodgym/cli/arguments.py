@@ -31,15 +31,20 @@ def env_id(text: str) -> str:
 
 
 def key_value(text: str) -> tuple[str, Any]:
-    """Reads ``width=0.0081`` or ``randomize={"width": [0.006, 0.009]}``: JSON, else a string."""
+    """Reads ``width=0.0081`` or ``randomize={"width": [0.006, 0.009]}``: JSON, or Python's True,
+    False and None, else a string.
+    """
     key, equals, value = text.partition("=")
     if not equals or not key.isidentifier():
         raise argparse.ArgumentTypeError(f"{text!r} is not of the form NAME=VALUE")
     try:
         return key, json.loads(value)
     except json.JSONDecodeError:
-        return key, value
+        return key, _PYTHONS.get(value, value)
 
+
+#: What JSON spells in small letters, or null.
+_PYTHONS = {"True": True, "False": False, "None": None}
 
 #: Arguments of environments that are the program's to choose.
 _OURS = ("num_envs", "num_threads", "autoreset_mode", "copy", "render_mode")
