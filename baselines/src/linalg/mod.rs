@@ -84,7 +84,8 @@ fn check(
         return Err(crate::error::parameter("A, B, Q, R, N", "NaN or infinity", "finite"));
     }
     if symmetric(r).cholesky().is_none() {
-        return Err(crate::error::parameter("R", r, "positive definite"));
+        let rows: Vec<Vec<f64>> = r.row_iter().map(|row| row.iter().copied().collect()).collect();
+        return Err(crate::error::parameter("R", format!("{rows:?}"), "positive definite"));
     }
     Ok(())
 }
