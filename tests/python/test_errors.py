@@ -261,6 +261,10 @@ def test_a_batch_takes_all_snapshots_or_none():
             env.set_state(states[:1], [index])
         with pytest.raises(errors.EnvIndexError):
             env.get_state([index])
+    # A mask of the wrong length is no list of the indices 0 and 1.
+    with pytest.raises(errors.ShapeError, match=r"has shape \(2,\), but \(3,\) is needed"):
+        env.set_state(states[:2], [True, False])
+    assert env.get_state([True, False, True]) == before[::2]
     assert env.get_state() == before
 
 

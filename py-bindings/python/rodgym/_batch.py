@@ -141,7 +141,11 @@ class SeededBatch:
         if indices is None:
             return chosen.tolist()
         given = np.atleast_1d(indices)
-        if given.dtype == np.bool_ and given.shape == chosen.shape:
+        if given.dtype == np.bool_:
+            if given.shape != chosen.shape:
+                raise ShapeError(
+                    f"a mask of environments has shape {given.shape}, but {chosen.shape} is needed"
+                )
             return chosen[given].tolist()
         for i in given.tolist():
             if not isinstance(i, int) or not 0 <= i < self.num_envs:
