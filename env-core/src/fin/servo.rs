@@ -8,8 +8,8 @@ use std::f64::consts::TAU;
 pub const FREQUENCY: f64 = 40.0;
 /// Largest rate \[rad/s\].
 pub const RATE_LIMIT: f64 = 6.0;
-/// Servo and low-pass advance in ticks of at most this length \[s\], whatever the physics step, so that their
-/// lag does not depend on the accuracy asked of the fin.
+/// Servo and low-pass advance in ticks of at most this length \[s\], so that their lag hardly depends on the
+/// physics step.
 pub const TICK: f64 = 1e-3;
 /// Second-order stages of the low-pass.
 pub const STAGES: usize = 5;
