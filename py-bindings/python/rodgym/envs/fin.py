@@ -125,15 +125,15 @@ class FinEnv(RodEnv):
     nowhere.
 
     In FinThrust, on the 50 seeds 500 to 549 that chose nothing, the best sinusoid (3.1 Hz, 11
-    degrees of command) returns 31.5, the best squared sine 30.8, the best triangle 30.3 (the
-    best sinusoid in hindsight, on a fine grid over these very seeds: 32.3), PPO (recipe and
-    policy in `rodgym/zoo`, 1.5e6 steps in 14 minutes on two busy cores) 35.9, 14 % more, and SAC
-    (recipe in `rodgym/zoo`, 60 000 steps in 3.5 minutes) 37.1, 18 % more. Other seeds give
-    other margins: on 2000 to 2049 PPO returns 34.0, SAC 32.5, the sinusoid 25.2. PPO feels the stiffness: it beats at 2.2 Hz with
-    the softest quarter of the fins (24.0 against 16.6) and with 3.1 Hz where the sinusoid fits
-    (60.1 against 61.0), and wastes less power on the stiffest fins (23.3 against 13.7 in the
-    stiffest quarter). Its efficiency is 23.9 % against 26.0 %, over all episodes. `rodgym compare
-    --env rodgym/FinThrust-v0 --policy zoo --controller gait-sine --seeds 500:550` shows it.
+    degrees of command) returns 31.5, the best squared sine 30.8, the best triangle 30.3 (the best
+    sinusoid in hindsight, on a fine grid over these very seeds: 32.3), PPO (recipe and policy in
+    `rodgym/zoo`, 1.5e6 steps in 14 minutes on two busy cores) 35.9, 14 % more, and SAC (recipe in
+    `rodgym/zoo`, 60 000 steps in 3.5 minutes) 37.1, 18 % more. Other seeds give other margins: on
+    2000 to 2049 PPO returns 34.0, SAC 32.5, the sinusoid 25.2. PPO feels the stiffness: it beats at
+    2.2 Hz with the softest quarter of the fins (24.0 against 16.6) and with 3.1 Hz where the
+    sinusoid fits (60.1 against 61.0), and wastes less power on the stiffest fins (23.3 against 13.7
+    in the stiffest quarter). Its efficiency is 23.9 % against 26.0 %, over all episodes. `rodgym
+    compare --env rodgym/FinThrust-v0 --policy zoo --controller gait-sine --seeds 500:550` shows it.
 
     Further numbers in `info` at each step: `thrust`, `mount_thrust`, `shed_thrust` [N],
     `torque` [N m], `power` [W] (means over the step), `pitch` [rad], `efficiency` (Froude:
