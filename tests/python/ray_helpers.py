@@ -8,10 +8,12 @@ import os
 import secrets
 import shutil
 import tempfile
+import threading
 from collections.abc import Iterator
 from typing import Any
 
 import pytest
+from remote_helpers import until
 
 # Before Ray is imported: it would write a token of its own into the user's home.
 os.environ["RAY_AUTH_MODE"] = "token"
@@ -44,6 +46,26 @@ def running_cases() -> list[Any]:
     from rodgym.ray.study import TASK
 
     return [p for p in processes() if name(p).startswith(f"ray::{TASK}")]
+
+
+class Killer(threading.Thread):
+    """Kills the next worker that computes a case.
+
+    Beside the study: while a study waits for its callback, it may be that no case is running.
+    """
+
+    victim: Any = None
+
+    def __init__(self) -> None:
+        super().__init__(daemon=True)
+
+    def run(self) -> None:
+        until(self._found, 30)
+        self.victim.kill()
+
+    def _found(self) -> bool:
+        self.victim = next(iter(running_cases()), None)
+        return self.victim is not None
 
 
 def processes(parent: int | None = None) -> list[Any]:

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from conftest import RANDOM, SWING_UP, actions_for, assert_same
 from gymnasium.wrappers.vector import DictInfoToList
-from ray_helpers import LONG, alive, name, need_ray, processes, running_cases, short_folder
+from ray_helpers import LONG, Killer, alive, name, need_ray, processes, running_cases, short_folder
 from remote_helpers import serving, until
 
 need_ray("ray.tune", 'Ray is not installed: pip install "rodgym[ray]"')
@@ -102,16 +102,11 @@ def test_a_trained_policy_needs_to_be_on_the_drivers_machine_only(address, tmp_p
 
 
 def test_a_worker_killed_in_mid_study_loses_and_doubles_nothing(plan, finished, address, tmp_path):
-    killed = []
-
-    def kill():
-        until(running_cases)
-        killed.append(running_cases()[0])
-        killed[0].kill()
-
-    counted = Counted(2, kill)
+    killer = Killer()
+    counted = Counted(2, killer.start)
     run_study(read(plan), tmp_path / "table.csv", rodgym.ray.backend(workers=2), counted)
-    assert killed and not alive(killed[0])
+    killer.join()
+    assert killer.victim and not alive(killer.victim)
     assert counted.seen == list(range(len(read(plan)) + 1))
     assert (tmp_path / "table.csv").read_bytes() == finished
 
@@ -153,18 +148,13 @@ def test_what_is_wrong_with_a_case_is_said_as_without_ray(address, tmp_path):
 def test_a_case_that_kills_every_worker_ends_the_study(address, tmp_path, monkeypatch):
     monkeypatch.setattr("rodgym.ray.study.RETRIES", 0)
     content = {"env": SWING_UP, "seeds": 500, "sweep": {"policy": "lqr"}}
-
-    def kill():
-        import threading
-
-        def later():
-            until(running_cases, 30)
-            running_cases()[0].kill()
-
-        threading.Thread(target=later, daemon=True).start()
-
     with pytest.raises(StudyError, match="given up after 1 lost workers"):
-        run_study(parse(content, "x"), tmp_path / "a.csv", rodgym.ray.backend(), Counted(0, kill))
+        run_study(
+            parse(content, "x"),
+            tmp_path / "a.csv",
+            rodgym.ray.backend(),
+            Counted(0, Killer().start),
+        )
 
 
 def test_registered_environments_are_ours_wherever_ray_makes_them(address, rng):
