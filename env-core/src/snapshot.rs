@@ -35,6 +35,33 @@ pub struct Snapshot {
     pub observation: Vec<f32>,
 }
 
+/// A single machine whose motion can be taken down number by number, and put back.
+pub trait Numbers: Clone {
+    /// Calls `f` with every number that the future depends on, always in the same order.
+    fn visit(&mut self, f: &mut dyn FnMut(&mut f64));
+
+    /// The numbers as they are.
+    fn numbers(&self) -> Vec<f64> {
+        let mut numbers = Vec::new();
+        self.clone().visit(&mut |x| numbers.push(*x));
+        numbers
+    }
+
+    /// Puts numbers in place that a machine of the same keywords had.
+    ///
+    /// # Errors
+    /// Not as many as this machine has; nothing changes then.
+    fn set_numbers(&mut self, numbers: &[f64]) -> Result<()> {
+        let (got, wanted) = (numbers.len(), self.numbers().len());
+        if got != wanted {
+            return Err(Error::snapshot(format!("{got} numbers, but {wanted} are needed")));
+        }
+        let mut next = numbers.iter();
+        self.visit(&mut |x| *x = *next.next().expect("counted above"));
+        Ok(())
+    }
+}
+
 /// Names the kind of environment that a snapshot fits: id, version of the code's layout and configuration.
 fn fingerprint(spec: &Spec) -> u32 {
     let config = serde_json::to_string(&spec.config).unwrap_or_default();

@@ -9,6 +9,7 @@ use crate::error::{Error, Result};
 use crate::fluid::{Hydrodynamics, reactive, resistive};
 use crate::keywords::Keywords;
 use crate::rod;
+use crate::snapshot::Numbers;
 use crate::vec2::Vec2;
 use serde_json::{Map, Value, json};
 
@@ -245,9 +246,7 @@ impl Fin {
 
     /// Every number that the future depends on, and the steps since the state was set; `restore` takes them.
     pub fn snapshot(&self) -> (Vec<f64>, u64) {
-        let mut numbers = Vec::new();
-        self.clone().visit(&mut |x| numbers.push(*x));
-        (numbers, self.steps)
+        (self.numbers(), self.steps)
     }
 
     /// Goes on where a fin of the same keywords was at its `snapshot`.
@@ -255,21 +254,9 @@ impl Fin {
     /// # Errors
     /// Not as many numbers as this fin has; nothing changes then.
     pub fn restore(&mut self, numbers: &[f64], steps: u64) -> Result<()> {
-        let wanted = self.snapshot().0.len();
-        if numbers.len() != wanted {
-            let got = numbers.len();
-            return Err(Error::snapshot(format!("{got} numbers, but this fin has {wanted}")));
-        }
-        let mut next = numbers.iter();
-        self.visit(&mut |x| *x = *next.next().expect("counted above"));
+        self.set_numbers(numbers)?;
         self.steps = steps;
         Ok(())
-    }
-
-    /// Calls `f` with every number that the future depends on: the fin's, its servo's and the low-pass'.
-    fn visit(&mut self, f: &mut dyn FnMut(&mut f64)) {
-        self.plant.visit(f);
-        self.servo.visit(f);
     }
 
     /// Forces and energies in any motion; the fin itself is not touched.
@@ -338,6 +325,14 @@ impl Fin {
             kinetic += 0.5 * plant.hull_mass * speed * speed;
         }
         Energies { kinetic, stretch: energy.stretch, bend: energy.bend, fluid }
+    }
+}
+
+impl Numbers for Fin {
+    /// The fin's, its servo's and the low-pass'.
+    fn visit(&mut self, f: &mut dyn FnMut(&mut f64)) {
+        self.plant.visit(f);
+        self.servo.visit(f);
     }
 }
 

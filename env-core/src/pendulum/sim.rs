@@ -6,6 +6,7 @@ use crate::error::{Error, Result};
 use crate::keywords::{Keywords, check_names};
 use crate::linear::Banded;
 use crate::rod::{Energy, Motion, Rod, add_stiffness, energy};
+use crate::snapshot::Numbers;
 use crate::stepper::{Constant, Drive, Feedback, Integrator};
 use crate::vec2::Vec2;
 use serde_json::{Map, Value, json};
@@ -233,9 +234,7 @@ impl Simulation {
 
     /// Every number that the future depends on, and the steps since the state was set; `restore` takes them.
     pub fn snapshot(&self) -> (Vec<f64>, u64) {
-        let mut numbers = Vec::new();
-        self.motion.clone().visit(&mut |x| numbers.push(*x));
-        (numbers, self.steps)
+        (self.numbers(), self.steps)
     }
 
     /// Goes on where a simulation of the same keywords was at its `snapshot`.
@@ -243,13 +242,7 @@ impl Simulation {
     /// # Errors
     /// Not as many numbers as this rod has; nothing changes then.
     pub fn restore(&mut self, numbers: &[f64], steps: u64) -> Result<()> {
-        let wanted = self.snapshot().0.len();
-        if numbers.len() != wanted {
-            let got = numbers.len();
-            return Err(Error::snapshot(format!("{got} numbers, but this rod has {wanted}")));
-        }
-        let mut next = numbers.iter();
-        self.motion.visit(&mut |x| *x = *next.next().expect("counted above"));
+        self.set_numbers(numbers)?;
         self.steps = steps;
         Ok(())
     }
@@ -301,6 +294,12 @@ impl Simulation {
             }
         }
         Linear { states, outputs: n, a, b, c }
+    }
+}
+
+impl Numbers for Simulation {
+    fn visit(&mut self, f: &mut dyn FnMut(&mut f64)) {
+        self.motion.visit(f);
     }
 }
 

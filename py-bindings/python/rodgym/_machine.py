@@ -11,8 +11,7 @@ import numpy.typing as npt
 from gymnasium.spaces import Box
 
 from rodgym import _native
-from rodgym._checks import snapshot, whole
-from rodgym.errors import ParameterError
+from rodgym._checks import refused, snapshot, whole
 
 if TYPE_CHECKING:
     from rodgym._native import Batch
@@ -51,10 +50,8 @@ def picture_size(size: Any) -> tuple[int, int] | None:
     except (TypeError, ValueError):
         width = height = 0
     if not (low <= width <= high and low <= height <= high):
-        raise ParameterError(
-            f"render_size = {size!r} is not allowed: it must be None or (width, height), "
-            f"whole numbers from {low} to {high}"
-        )
+        allowed = f"None or (width, height), whole numbers from {low} to {high}"
+        raise refused("render_size", size, allowed)
     return width, height
 
 

@@ -15,7 +15,7 @@ from rodgym._batch import Flags, Floats, Observations, SeededBatch, Seeds
 from rodgym._infos import InfoBuilder
 from rodgym._machine import Frame, Member, box, plain
 from rodgym._registration import ENVIRONMENTS
-from rodgym.errors import ParameterError, ShapeError
+from rodgym.errors import ShapeError
 
 if TYPE_CHECKING:
     from gymnasium.envs.registration import EnvSpec
@@ -70,10 +70,8 @@ class RodVectorEnv(VectorEnv[Observations, Any, Any]):
         try:
             mode = AutoresetMode(autoreset_mode)
         except ValueError as error:
-            raise ParameterError(
-                f"autoreset_mode = {autoreset_mode!r} is not allowed: "
-                f"it must be one of {[mode.value for mode in AutoresetMode]}"
-            ) from error
+            allowed = f"one of {[mode.value for mode in AutoresetMode]}"
+            raise checks.refused("autoreset_mode", autoreset_mode, allowed) from error
         env_id = checks.env_id(env_id)
         if max_episode_steps is None and env_id in ENVIRONMENTS:
             max_episode_steps = ENVIRONMENTS[env_id].max_episode_steps

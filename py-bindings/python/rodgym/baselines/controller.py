@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rodgym import _native
-from rodgym._checks import numbers
+from rodgym._checks import numbers, refused
 from rodgym.errors import ParameterError, ShapeError
 
 State = npt.NDArray[np.float64]
@@ -30,7 +30,7 @@ def describe(env: Any) -> tuple[dict[str, Any], int]:
                 config = getattr(env, name)("config")[0]
                 break
     if not isinstance(config, dict):
-        raise ParameterError(f"env = {env!r} is not allowed: it must be an environment of rodgym")
+        raise refused("env", env, "an environment of rodgym")
     space = getattr(env, "single_observation_space", None) or env.observation_space
     if len(space.shape) != 1:
         raise ParameterError(
@@ -184,9 +184,7 @@ class Gait(Controller):
         laws = {None: cls, "sine": SineGait, "square": SquareGait, "triangle": TriangleGait}
         if waveform not in laws:
             known = ", ".join(repr(name) for name in laws)
-            raise ParameterError(
-                f"waveform = {waveform!r} is not allowed: it must be one of {known}"
-            )
+            raise refused("waveform", waveform, f"one of {known}")
         return laws[waveform](*describe(env))
 
     @property
@@ -233,7 +231,5 @@ CONTROLLERS: dict[str, type[Controller]] = {
 def make(name: str, env: Any) -> Controller:
     """The controller of this name, designed for an environment."""
     if name not in CONTROLLERS:
-        raise ParameterError(
-            f"controller = {name!r} is not allowed: it must be one of {', '.join(CONTROLLERS)}"
-        )
+        raise refused("controller", name, f"one of {', '.join(CONTROLLERS)}")
     return CONTROLLERS[name].for_env(env)

@@ -11,7 +11,6 @@ import numpy.typing as npt
 from rodgym import _checks as checks
 from rodgym import _native
 from rodgym._machine import Frame, Machine, box, picture_size, plain
-from rodgym.errors import ParameterError
 
 if TYPE_CHECKING:
     from gymnasium.envs.registration import EnvSpec
@@ -42,10 +41,8 @@ class RodEnv(Machine, gym.Env[Vector, Vector]):
         **kwargs: Any,
     ) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
-            raise ParameterError(
-                f"render_mode = {render_mode!r} is not allowed: "
-                f"it must be None or one of {self.metadata['render_modes']}"
-            )
+            allowed = f"None or one of {self.metadata['render_modes']}"
+            raise checks.refused("render_mode", render_mode, allowed)
         self._batch = self._open(checks.env_id(env_id), kwargs)
         self._spec: EnvSpec | None = None
         self._render_size = picture_size(render_size)

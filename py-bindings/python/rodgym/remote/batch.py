@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from rodgym import _checks as checks
 from rodgym._machine import plain
 from rodgym._native import Gallery
 from rodgym.errors import (
@@ -61,9 +62,7 @@ class RemoteBatch:
         max_episode_steps: int | None,
     ) -> None:
         if recover not in ("raise", "restart"):
-            raise ParameterError(
-                f"recover = {recover!r} is not allowed: it must be 'raise' or 'restart'"
-            )
+            raise checks.refused("recover", recover, "'raise' or 'restart'")
         self.connection = Connection(address)
         self._recover = recover == "restart"
         self._arguments = (
@@ -134,9 +133,9 @@ class RemoteBatch:
         p: dict[str, Any] = {}
         arrays: Arrays = {}
         if isinstance(seeds, int):
-            p["seed"] = _seed(seeds)
+            p["seed"] = checks.seed(seeds)
         elif seeds is not None:
-            arrays["seeds"] = np.array([_seed(s or 0) for s in seeds], dtype=np.uint64)
+            arrays["seeds"] = np.array([checks.seed(s or 0) for s in seeds], dtype=np.uint64)
             arrays["seeded"] = np.array([s is not None for s in seeds], dtype=np.bool_)
         if mask is not None:
             arrays["mask"] = mask
@@ -418,12 +417,6 @@ def _release(connection: Connection, held: dict[str, str]) -> None:
         if "sid" in held:
             connection.send_last("close", held["sid"])
     connection.close()
-
-
-def _seed(seed: int) -> int:
-    if not 0 <= seed < 2**64:
-        raise ParameterError(f"seed = {seed} is not allowed: it must be 0 to 2**64 - 1")
-    return int(seed)
 
 
 def _split_state(options: dict[str, Any], arrays: Arrays) -> tuple[dict[str, Any], Arrays]:
