@@ -6,13 +6,13 @@
 //! the keywords at hand.
 
 use crate::controller::Controller;
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::registry::Target;
+use rodgym_core::catalog::{MakeOptions, make};
 use rodgym_core::env::{AutoresetMode, ResetOptions, Seeds, StepBuffer};
 use rodgym_core::fin::cycle::Waveform;
-use rodgym_core::fin::sensors::THRUST_UNIT;
-use rodgym_core::fin::servo::STAGES;
-use rodgym_core::registry::{MakeOptions, make};
-use serde_json::{Map, Value};
+use rodgym_core::fin::sensors::{DEMAND, THRUST_UNIT};
+use serde_json::Value;
 use std::f64::consts::TAU;
 
 /// Fins that every gait of the search meets.
@@ -46,35 +46,15 @@ pub struct Gait {
     demand: Option<usize>,
 }
 
-/// Which environment a configuration belongs to, told by what follows the common observation.
-fn environment(config: &Map<String, Value>, observation_size: usize) -> Result<&'static str> {
-    let refuse =
-        || Error::Unsuitable { controller: "a gait", reason: "it is not one of the fin's".into() };
-    let widths = config.get("geometry").and_then(|g| g.get("widths")).and_then(Value::as_array);
-    let nodes = widths.ok_or_else(refuse)?.len();
-    let camera = config.get("observation").and_then(Value::as_str) == Some("camera");
-    let common = if camera { nodes + 1 } else { 2 * nodes + 2 * STAGES };
-    match observation_size.checked_sub(common) {
-        Some(0) => Ok("rodgym/FinThrust-v0"),
-        Some(1) => Ok("rodgym/FinSwim-v0"),
-        Some(2) => Ok("rodgym/FinEfficiency-v0"),
-        _ => Err(refuse()),
-    }
-}
-
 impl Gait {
     /// The best gait of this waveform for an environment.
     ///
     /// # Errors
-    /// An environment that is not a fin's.
-    pub fn for_target(
-        waveform: Waveform,
-        config: &Map<String, Value>,
-        observation_size: usize,
-    ) -> Result<Gait> {
-        let id = environment(config, observation_size)?;
-        let control_dt = config.get("control_dt").and_then(Value::as_f64).unwrap_or(0.04);
-        let demand = (id == "rodgym/FinEfficiency-v0").then(|| observation_size - 2);
+    /// An environment that cannot be made again from its keywords.
+    pub fn for_target(waveform: Waveform, target: &Target) -> Result<Gait> {
+        let control_dt = target.config.get("control_dt").and_then(Value::as_f64).unwrap_or(0.04);
+        let observation_size = target.observation.size();
+        let demand = target.observation.names.iter().position(|name| name == DEMAND);
         let gait = |amplitude: f64, frequency: f64| Gait {
             waveform,
             amplitude,
@@ -91,7 +71,7 @@ impl Gait {
         }
         let (mut df, mut da) = (0.25, 0.2);
         for _ in 0..3 {
-            for (found, candidate) in returns(id, config, &grid)?.into_iter().zip(&grid) {
+            for (found, candidate) in returns(target, &grid)?.into_iter().zip(&grid) {
                 if found > best.found_return {
                     best = Gait { found_return: found, ..candidate.clone() };
                 }
@@ -112,11 +92,11 @@ impl Gait {
     /// The best gait of any waveform.
     ///
     /// # Errors
-    /// An environment that is not a fin's.
-    pub fn best_for_target(config: &Map<String, Value>, observation_size: usize) -> Result<Gait> {
+    /// As [`Gait::for_target`].
+    pub fn best_for_target(target: &Target) -> Result<Gait> {
         let mut best: Option<Gait> = None;
         for (_, waveform) in Waveform::NAMES {
-            let gait = Gait::for_target(waveform, config, observation_size)?;
+            let gait = Gait::for_target(waveform, target)?;
             if best.as_ref().is_none_or(|b| gait.found_return > b.found_return) {
                 best = Some(gait);
             }
@@ -126,12 +106,12 @@ impl Gait {
 }
 
 /// Mean returns of gaits, each over the same `SEEDS` episodes.
-fn returns(id: &str, config: &Map<String, Value>, gaits: &[Gait]) -> Result<Vec<f64>> {
+fn returns(target: &Target, gaits: &[Gait]) -> Result<Vec<f64>> {
     let n = gaits.len() * SEEDS;
     let mut env = make(&MakeOptions {
-        id: id.into(),
+        id: target.id.clone(),
         num_envs: n,
-        kwargs: config.clone(),
+        kwargs: target.config.clone(),
         autoreset_mode: AutoresetMode::NextStep,
         max_episode_steps: None,
         num_threads: 1,

@@ -4,29 +4,107 @@ use crate::controller::Controller;
 use crate::error::{Error, Result, parameter};
 use crate::gait::Gait;
 use crate::pendulum::{HybridLqr, Lqg, Lqr, Noise, RodDesign, ThesisLqg};
+use rodgym_core::env::{Space, Spec};
 use rodgym_core::fin::cycle::Waveform;
+use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
+use std::sync::{PoisonError, RwLock};
 
-/// Names that `make` knows.
-pub const NAMES: &[&str] = &[
-    "lqr",
-    "lqr-hybrid",
-    "lqg",
-    "thesis-lqr",
-    "thesis-lqg",
-    "gait",
-    "gait-sine",
-    "gait-square",
-    "gait-triangle",
+/// What a controller is told of its environment: the part of its spec that a design depends on.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Target {
+    /// The environment's id.
+    pub id: String,
+    /// The machine that is moved.
+    pub machine: String,
+    /// Every keyword with its value.
+    pub config: Map<String, Value>,
+    /// An observation.
+    pub observation: Space,
+}
+
+impl From<&Spec> for Target {
+    fn from(spec: &Spec) -> Self {
+        Target {
+            id: spec.id.clone(),
+            machine: spec.machine.into(),
+            config: spec.config.clone(),
+            observation: spec.observation.clone(),
+        }
+    }
+}
+
+/// One controller: its name, the machine that it is for, and its design.
+#[derive(Clone, Copy, Debug)]
+pub struct Entry {
+    /// Name, such as `lqr`.
+    pub name: &'static str,
+    /// The machine that it moves.
+    pub machine: &'static str,
+    /// Designs it for an environment with that machine.
+    pub design: fn(&Target) -> Result<Box<dyn Controller>>,
+}
+
+/// Our own controllers.
+const OURS: &[Entry] = &[
+    pendulum("lqr", |target| boxed(Lqr::for_target(rod(target)?, target.observation.size()))),
+    pendulum("lqr-hybrid", |target| {
+        boxed(HybridLqr::for_target(rod(target)?, target.observation.size()))
+    }),
+    pendulum("lqg", |target| {
+        let noise = Noise::of_sensors(&target.config);
+        boxed(Lqg::for_target(rod(target)?, noise, target.observation.size()))
+    }),
+    pendulum("thesis-lqr", |target| {
+        boxed(HybridLqr::literal_for_target(rod(target)?, target.observation.size()))
+    }),
+    pendulum("thesis-lqg", |target| {
+        boxed(ThesisLqg::for_target(rod(target)?, target.observation.size()))
+    }),
+    fin("gait", |target| boxed(Gait::best_for_target(target))),
+    fin("gait-sine", |target| boxed(Gait::for_target(Waveform::Sine, target))),
+    fin("gait-square", |target| boxed(Gait::for_target(Waveform::Square, target))),
+    fin("gait-triangle", |target| boxed(Gait::for_target(Waveform::Triangle, target))),
 ];
 
-/// What a controller is told of its environment.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Target {
-    /// Every keyword of the environment with its value (`Spec::config`).
-    pub config: Map<String, Value>,
-    /// Length of an observation.
-    pub observation_size: usize,
+type Design = fn(&Target) -> Result<Box<dyn Controller>>;
+
+const fn pendulum(name: &'static str, design: Design) -> Entry {
+    Entry { name, machine: "pendulum", design }
+}
+
+const fn fin(name: &'static str, design: Design) -> Entry {
+    Entry { name, machine: "fin", design }
+}
+
+fn boxed<C: Controller + 'static>(law: Result<C>) -> Result<Box<dyn Controller>> {
+    Ok(Box::new(law?))
+}
+
+fn rod(target: &Target) -> Result<RodDesign> {
+    RodDesign::from_config(&target.config)
+}
+
+/// Controllers that other crates added.
+static ADDED: RwLock<Vec<Entry>> = RwLock::new(Vec::new());
+
+/// Every controller, ours first.
+pub fn entries() -> Vec<Entry> {
+    let added = ADDED.read().unwrap_or_else(PoisonError::into_inner);
+    OURS.iter().chain(added.iter()).copied().collect()
+}
+
+/// Adds a controller, so that `make` and the bindings know its name.
+///
+/// # Errors
+/// A name that is there already.
+pub fn register(entry: Entry) -> Result<()> {
+    let mut added = ADDED.write().unwrap_or_else(PoisonError::into_inner);
+    if OURS.iter().chain(added.iter()).any(|known| known.name == entry.name) {
+        return Err(parameter("name", entry.name, "the name of no controller yet"));
+    }
+    added.push(entry);
+    Ok(())
 }
 
 /// Designs a controller for an environment.
@@ -34,31 +112,21 @@ pub struct Target {
 /// # Errors
 /// An unknown name, an environment that the controller cannot play, a design without solution.
 pub fn make(name: &str, target: &Target) -> Result<Box<dyn Controller>> {
-    let size = target.observation_size;
-    let gait = |waveform| -> Result<Box<dyn Controller>> {
-        Ok(Box::new(Gait::for_target(waveform, &target.config, size)?))
+    let all = entries();
+    let Some(entry) = all.iter().find(|entry| entry.name == name) else {
+        let known: Vec<&str> = all.iter().map(|entry| entry.name).collect();
+        return Err(parameter("controller", name, &format!("one of {}", known.join(", "))));
     };
-    match name {
-        "gait" => return Ok(Box::new(Gait::best_for_target(&target.config, size)?)),
-        "gait-sine" => return gait(Waveform::Sine),
-        "gait-square" => return gait(Waveform::Square),
-        "gait-triangle" => return gait(Waveform::Triangle),
-        _ => {}
+    if entry.machine != target.machine {
+        let mine = all.iter().filter(|other| other.machine == target.machine);
+        let mine: Vec<&str> = mine.map(|other| other.name).collect();
+        let reason = format!(
+            "it is for the machine \'{}\', and this one is a \'{}\' (which has {})",
+            entry.machine,
+            target.machine,
+            if mine.is_empty() { "no controllers".into() } else { mine.join(", ") }
+        );
+        return Err(Error::Unsuitable { controller: entry.name, reason });
     }
-    let Some(&known) = NAMES.iter().find(|known| **known == name) else {
-        return Err(parameter("controller", name, &format!("one of {}", NAMES.join(", "))));
-    };
-    // An observation of a fin may be as long as one of a pendulum; only a fin has a geometry.
-    if target.config.contains_key("geometry") {
-        let reason = "it is a fin's, and this law is for the pendulum; a fin has gaits".into();
-        return Err(Error::Unsuitable { controller: known, reason });
-    }
-    let rod = RodDesign::from_config(&target.config)?;
-    match name {
-        "lqr" => Ok(Box::new(Lqr::for_target(rod, size)?)),
-        "lqr-hybrid" => Ok(Box::new(HybridLqr::for_target(rod, size)?)),
-        "thesis-lqr" => Ok(Box::new(HybridLqr::literal_for_target(rod, size)?)),
-        "thesis-lqg" => Ok(Box::new(ThesisLqg::for_target(rod, size)?)),
-        _ => Ok(Box::new(Lqg::for_target(rod, Noise::of_sensors(&target.config), size)?)),
-    }
+    (entry.design)(target)
 }

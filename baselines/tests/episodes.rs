@@ -1,8 +1,8 @@
 //! Controllers in the environments themselves: how many of the seeded episodes end upright.
 
 use rodgym_baselines::registry::{Target, make};
+use rodgym_core::catalog::{self, MakeOptions};
 use rodgym_core::env::{AutoresetMode, ResetOptions, Seeds, StepBuffer};
-use rodgym_core::registry::{self, MakeOptions};
 use serde_json::{Map, Value, json};
 use std::f64::consts::PI;
 
@@ -27,10 +27,9 @@ fn upright(
         max_episode_steps: None,
         num_threads: 2,
     };
-    let mut env = registry::make(&options).unwrap();
+    let mut env = catalog::make(&options).unwrap();
     let spec = env.spec().clone();
-    let target = Target { config: spec.config.clone(), observation_size: spec.observation.size() };
-    let law = make(controller, &target).unwrap();
+    let law = make(controller, &Target::from(&spec)).unwrap();
     let mut buffer = StepBuffer::new(&spec, n);
     let reset = ResetOptions { parameters: Map::new(), state: None };
     env.reset(&Seeds::Base(0), None, &reset, buffer.data()).unwrap();

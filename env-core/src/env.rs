@@ -79,6 +79,10 @@ pub struct Parameter {
 pub struct Spec {
     /// Id, such as `rodgym/PendulumSwingUp-v0`.
     pub id: String,
+    /// The machine that is moved: the word that everything about it is looked up by.
+    pub machine: &'static str,
+    /// What is asked of it.
+    pub task: &'static str,
     /// Observation of one environment (float32).
     pub observation: Space,
     /// Action of one environment (float32).
@@ -236,7 +240,7 @@ pub struct NodeState {
     pub velocities: Vec<[f64; 2]>,
 }
 
-/// Many environments stepped together. Object safe: made by `registry::make`.
+/// Many environments stepped together. Object safe: made by `catalog::make`.
 pub trait VectorEnv: Send {
     /// What kind of environment this is.
     fn spec(&self) -> &Spec;

@@ -5,6 +5,7 @@
 //! No Python, no sockets, no printing here.
 
 pub mod batch;
+pub mod catalog;
 pub mod env;
 pub mod error;
 pub mod fin;
@@ -14,7 +15,6 @@ pub mod keywords;
 pub mod lane;
 pub mod linear;
 pub mod pendulum;
-pub mod registry;
 pub mod rod;
 pub mod seed;
 pub mod snapshot;

@@ -2,11 +2,11 @@
 //! size of the batch, the number of lanes or threads, the instruction set, or a restored snapshot.
 
 use rodgym_core::batch::{Batch, BatchOptions, in_lanes};
+use rodgym_core::catalog::{MakeOptions, entry, make};
 use rodgym_core::env::{AutoresetMode, ResetOptions, Seeds, StepBuffer, VectorEnv};
 use rodgym_core::isa::Isa;
 use rodgym_core::lane::Lanes;
 use rodgym_core::pendulum::{Pendulum, Sensors, Task};
-use rodgym_core::registry::{MakeOptions, make};
 use rodgym_core::seed::Stream;
 use serde_json::{Map, Value, json};
 
@@ -89,7 +89,8 @@ fn same_bits_for_every_batch_size_and_number_of_threads() {
 fn same_bits_for_every_instruction_set_and_lane_width() {
     for kwargs in variants() {
         let id = "rodgym/PendulumSwingUp-v0";
-        let machine = Pendulum::new(id, Task::SwingUp, Sensors::Full, &map(kwargs)).unwrap();
+        let machine =
+            Pendulum::new(&entry(id).unwrap(), Task::SwingUp, Sensors::Full, &map(kwargs)).unwrap();
         let options = BatchOptions {
             num_envs: 20,
             autoreset_mode: AutoresetMode::NextStep,

@@ -1,8 +1,8 @@
 //! Promises of the fin environments: bounded rewards that nothing but swimming well can earn, the servo of the
 //! reference, failures that never reach the agent as NaN.
 
+use rodgym_core::catalog::{MakeOptions, make};
 use rodgym_core::env::{AutoresetMode, ResetOptions, Seeds, StepBuffer, VectorEnv};
-use rodgym_core::registry::{MakeOptions, make};
 use serde_json::{Map, Value, json};
 use std::f64::consts::TAU;
 

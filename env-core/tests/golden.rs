@@ -4,10 +4,10 @@
 //! Where a change of behaviour is meant, `RODGYM_WRITE_GOLDEN=1 cargo test -p rodgym-core --test golden` writes
 //! the file anew, and CHANGELOG.md says so.
 
+use rodgym_core::catalog::{self, MakeOptions, make};
 use rodgym_core::env::{AutoresetMode, ResetOptions, Seeds, Spec, StepBuffer, VectorEnv};
 use rodgym_core::fin::Fin;
 use rodgym_core::pendulum::Simulation;
-use rodgym_core::registry::{IDS, MakeOptions, make};
 use rodgym_core::seed::Stream;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
@@ -253,8 +253,8 @@ fn bare_fin(kwargs: &Value) -> String {
 fn today() -> BTreeMap<String, String> {
     let mut all = BTreeMap::new();
     let modes = [AutoresetMode::NextStep, AutoresetMode::SameStep, AutoresetMode::Disabled];
-    for id in IDS {
-        let own = if id.contains("Pendulum") { pendulums() } else { fins() };
+    for catalog::Entry { id, machine, .. } in catalog::entries() {
+        let own = if machine == "pendulum" { pendulums() } else { fins() };
         for (i, kwargs) in common().iter().chain(&own).enumerate() {
             // Every keyword set in one mode, the defaults in all of them.
             for mode in if i == 0 { &modes[..] } else { &modes[i % 3..i % 3 + 1] } {

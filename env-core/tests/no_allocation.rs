@@ -4,8 +4,8 @@
 //! A program without the usual harness: the counter below sees every thread, and the harness has one
 //! of its own that takes memory when it likes.
 
+use rodgym_core::catalog::{MakeOptions, make};
 use rodgym_core::env::{AutoresetMode, ResetOptions, Seeds, StepBuffer};
-use rodgym_core::registry::{MakeOptions, make};
 use rodgym_core::seed::Stream;
 use serde_json::{Value, json};
 use std::alloc::{GlobalAlloc, Layout, System};

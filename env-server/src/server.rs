@@ -10,8 +10,8 @@ use crate::session::{Answer, Session, field};
 use crate::shared::Shared;
 use crate::window::Verdict;
 use crate::wire::{self, Arrays, ErrorBody, Frame, ReplyHeader, RequestHeader, VERSION};
+use rodgym_core::catalog::{self, MakeOptions};
 use rodgym_core::env::{AutoresetMode, VectorEnv};
-use rodgym_core::registry::{self, MakeOptions};
 use serde_json::{Map, Value, json};
 use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -19,7 +19,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 
-/// Makes batches: `registry::make`, or a test's own environments.
+/// Makes batches: `catalog::make`, or a test's own environments.
 pub type Factory = Box<dyn Fn(&MakeOptions) -> rodgym_core::Result<Box<dyn VectorEnv>> + Send>;
 
 /// Sessions and what is done with them.
@@ -42,7 +42,7 @@ impl Server {
             shards: 1,
             sessions: HashMap::new(),
             by_nonce: HashMap::new(),
-            factory: Box::new(registry::make),
+            factory: Box::new(catalog::make),
             ids,
         }
     }
@@ -155,7 +155,9 @@ impl Server {
         let p = &header.p;
         match header.op.as_str() {
             "hello" => Ok(self.hello(user)),
-            "list" => Ok(Answer::of(json!({"ids": registry::IDS}))),
+            "list" => Ok(Answer::of(
+                json!({"ids": catalog::entries().iter().map(|e| e.id).collect::<Vec<_>>(), "environments": catalog::entries()}),
+            )),
             "ping" => Ok(Answer::of(json!({"uptime": now.as_secs_f64()}))),
             "stats" => Ok(self.stats(user, now)),
             "make" => self.make(now, user, header, frames),

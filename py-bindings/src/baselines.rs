@@ -1,6 +1,6 @@
 //! `Controller`: a classical controller of the crate rodgym-baselines, as NumPy sees it.
 
-use crate::convert::{to_map, to_python};
+use crate::convert::{serialize, to_map, to_python};
 use crate::errors::{raise, to_py};
 use numpy::{PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
@@ -12,7 +12,13 @@ use serde_json::Value;
 /// Adds this file's classes and functions to the module.
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Controller>()?;
-    module.add("CONTROLLERS", PyTuple::new(module.py(), registry::NAMES)?)
+    module.add_function(wrap_pyfunction!(controllers, module)?)
+}
+
+/// Name and machine of every controller.
+#[pyfunction]
+fn controllers() -> Vec<(&'static str, &'static str)> {
+    registry::entries().iter().map(|entry| (entry.name, entry.machine)).collect()
 }
 
 /// An error of the crate as a Python exception.
@@ -29,8 +35,7 @@ pub fn raise_baseline(error: Error) -> PyErr {
 /// Actions (n, a) and the next state (n, s).
 type Answer<'py> = (Bound<'py, PyArray2<f32>>, Bound<'py, PyArray2<f64>>);
 
-/// A control law made for an environment: `name` of CONTROLLERS, the environment's `config` and the
-/// length of its observations.
+/// A control law made for an environment: one of `controllers`, and the environment's spec.
 #[pyclass(module = "rodgym._native", frozen)]
 pub struct Controller {
     name: String,
@@ -41,18 +46,16 @@ pub struct Controller {
 #[pymethods]
 impl Controller {
     #[new]
-    fn new(
-        py: Python<'_>,
-        name: String,
-        config: &Bound<'_, PyDict>,
-        observation_size: usize,
-    ) -> PyResult<Self> {
-        let target = Target { config: to_map(config)?, observation_size };
+    fn new(py: Python<'_>, name: String, spec: &Bound<'_, PyDict>) -> PyResult<Self> {
+        let target: Target =
+            serde_json::from_value(Value::Object(to_map(spec)?)).map_err(|error| {
+                to_py(rodgym_core::Error::parameter("spec", error, "an environment's"))
+            })?;
         let law = py.detach(|| registry::make(&name, &target)).map_err(raise_baseline)?;
         Ok(Controller { name, target, law })
     }
 
-    /// One of CONTROLLERS.
+    /// One of `controllers`.
     #[getter]
     fn name(&self) -> &str {
         &self.name
@@ -124,7 +127,8 @@ impl Controller {
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
         let (py, this) = (slf.py(), slf.get());
-        let arguments = (&this.name, this.config(py)?, this.target.observation_size);
+        let spec = serialize(py, &this.target)?;
+        let arguments = (&this.name, spec);
         (slf.get_type(), arguments).into_pyobject(py)
     }
 

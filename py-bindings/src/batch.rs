@@ -15,8 +15,8 @@ use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::sync::MutexExt;
 use pyo3::types::{PyBytes, PyDict, PyList, PyTuple};
+use rodgym_core::catalog::{self, MakeOptions};
 use rodgym_core::env::{AutoresetMode, Scene, Spec, StepBuffer, StepData, VectorEnv};
-use rodgym_core::registry::{self, MakeOptions};
 use rodgym_core::{Error, Result};
 use serde_json::Value;
 use std::sync::{Mutex, MutexGuard};
@@ -25,7 +25,14 @@ use std::sync::{Mutex, MutexGuard};
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Batch>()?;
     module.add("PICTURE_LIMITS", rodgym_render::SIZE_LIMITS)?;
-    module.add("IDS", PyTuple::new(module.py(), registry::IDS)?)
+    module.add_function(wrap_pyfunction!(catalog_rows, module)?)
+}
+
+/// The rows of the catalogue, as dictionaries: `id`, `machine`, `task`, `max_episode_steps`,
+/// `reward_threshold`.
+#[pyfunction(name = "catalog")]
+fn catalog_rows(py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
+    serialize(py, &catalog::entries())
 }
 
 /// A batch of environments of one kind.
@@ -81,7 +88,7 @@ impl Batch {
                 .map(|n| u32::try_from(n).unwrap_or(u32::MAX)),
             num_threads: num_threads.map_or(Ok(cores), |n| count("num_threads", n))?,
         };
-        let env = registry::make(&options).or_raise()?;
+        let env = catalog::make(&options).or_raise()?;
         let spec = env.spec().clone();
         let actions = vec![0.0; options.num_envs * spec.action.size()];
         let single = options.autoreset_mode == AutoresetMode::Single;

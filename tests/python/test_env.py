@@ -48,7 +48,7 @@ def test_registered_limits_are_those_of_the_core(env_id):
     about = env.unwrapped._batch.spec
     assert env.spec.max_episode_steps == about["default_max_episode_steps"]
     assert about["id"] == env_id
-    assert set(rodgym._native.IDS) == set(IDS)
+    assert {row["id"] for row in rodgym._native.catalog()} == set(IDS)
 
 
 @pytest.mark.parametrize("env_id", IDS)

@@ -36,7 +36,7 @@ pub struct Batch<M: Machine, R: Real> {
     pool: Option<Pool>,
 }
 
-/// How to run a batch: see `registry::MakeOptions`.
+/// How to run a batch: see `catalog::MakeOptions`.
 #[derive(Clone, Copy, Debug)]
 #[allow(missing_docs, reason = "fields are those of MakeOptions")]
 pub struct BatchOptions {

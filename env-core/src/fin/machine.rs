@@ -5,6 +5,7 @@ use super::parameters::Parameters;
 use super::rig::{Rig, Start};
 use super::{sensors, task};
 use crate::batch::{Machine, Outcome};
+use crate::catalog::Entry;
 use crate::env::{NodeState, ResetOptions, Scene, Space, Spec};
 use crate::error::{Error, Result};
 use crate::fluid::{reactive, resistive};
@@ -23,23 +24,25 @@ pub struct FinTask {
 }
 
 impl FinTask {
-    /// The environment `id` with a task and the user's keywords.
+    /// The environment of a row of the catalogue, with a task and the user's keywords.
     ///
     /// # Errors
     /// See `Config::new`.
-    pub fn new(id: &str, task: Task, given: &Map<String, Value>) -> Result<Self> {
+    pub fn new(entry: &Entry, task: Task, given: &Map<String, Value>) -> Result<Self> {
         let config = Config::new(task, given)?;
         let mut action = Space::new();
         action.push(-1.0, 1.0, "pitch command / pitch_limit");
         let spec = Spec {
-            id: id.into(),
+            id: entry.id.into(),
+            machine: entry.machine,
+            task: entry.task,
             observation: sensors::space(&config),
             action,
             reward_terms: task::terms(task),
             metrics: task::metrics(task),
             parameters: Parameters::table_of(task).to_vec(),
             config: config.resolved.clone(),
-            default_max_episode_steps: if task == Task::Swim { 250 } else { 200 },
+            default_max_episode_steps: entry.max_episode_steps,
             control_dt: config.control_dt,
             physics_dt: config.design.physics_dt,
         };

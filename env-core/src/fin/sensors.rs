@@ -20,6 +20,9 @@ pub const SPEED_UNIT: f64 = 0.5;
 /// Observations are clipped to this many units.
 pub const BOUND: f64 = 10.0;
 
+/// Name of the number of an observation that is the demanded thrust.
+pub const DEMAND: &str = "demanded thrust / 0.5 N";
+
 /// The observation space.
 pub fn space(config: &Config) -> Space {
     let mut space = Space::new();
@@ -46,7 +49,7 @@ pub fn space(config: &Config) -> Space {
     match config.task {
         Task::Thrust => {}
         Task::Efficiency => {
-            bounded("demanded thrust / 0.5 N".into());
+            bounded(DEMAND.into());
             bounded("thrust smoothed over 0.5 s / 0.5 N".into());
         }
         Task::Swim => bounded("hull speed / 0.5 m/s".into()),

@@ -12,6 +12,7 @@ pub use sensors::{RATE_BOUND, RATE_UNIT};
 pub use sim::{Linear, Simulation};
 
 use crate::batch::{Machine, Outcome};
+use crate::catalog::Entry;
 use crate::env::{NodeState, ResetOptions, Scene, Space, Spec};
 use crate::error::{Error, Result};
 use crate::keywords::{Draw, exact_parameters};
@@ -30,23 +31,30 @@ pub struct Pendulum {
 }
 
 impl Pendulum {
-    /// The environment `id` with a task, its usual sensors and the user's keywords.
+    /// The environment of a row of the catalogue, with a task, its usual sensors and the user's keywords.
     ///
     /// # Errors
     /// See `Config::new`.
-    pub fn new(id: &str, task: Task, sensors: Sensors, given: &Map<String, Value>) -> Result<Self> {
+    pub fn new(
+        entry: &Entry,
+        task: Task,
+        sensors: Sensors,
+        given: &Map<String, Value>,
+    ) -> Result<Self> {
         let config = Config::new(task, sensors, given)?;
         let mut action = Space::new();
         action.push(-1.0, 1.0, "base torque / torque_limit");
         let spec = Spec {
-            id: id.into(),
+            id: entry.id.into(),
+            machine: entry.machine,
+            task: entry.task,
             observation: sensors::space(&config),
             action,
             reward_terms: task::terms(task),
             metrics: task::METRICS.to_vec(),
             parameters: PARAMETERS.to_vec(),
             config: config.resolved.clone(),
-            default_max_episode_steps: if task == Task::Balance { 1000 } else { 500 },
+            default_max_episode_steps: entry.max_episode_steps,
             control_dt: config.control_dt,
             physics_dt: config.physics_dt,
         };

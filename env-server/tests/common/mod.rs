@@ -1,9 +1,9 @@
 //! A batch of counters, small enough to predict every reply, and a client of the state machine.
 #![allow(dead_code, reason = "each test file uses its part")]
 
+use rodgym_core::catalog::MakeOptions;
 use rodgym_core::env::*;
 use rodgym_core::error::{Error, Result};
-use rodgym_core::registry::MakeOptions;
 use rodgym_server::limits::Limits;
 use rodgym_server::server::Server;
 use rodgym_server::shared::Shared;
@@ -36,6 +36,8 @@ impl Counters {
         let mut action = Space::new();
         action.push(-1.0, 1.0, "push");
         let spec = Spec {
+            machine: "counter",
+            task: "count",
             id: options.id.clone(),
             observation,
             action,

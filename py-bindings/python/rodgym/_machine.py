@@ -105,6 +105,13 @@ class Machine:
         return self._batch.parameters(self._index)
 
     @property
+    def core_spec(self) -> dict[str, Any]:
+        """All that the core says of this kind of environment: `id`, `machine`, `task`, spaces with
+        names, reward terms, metrics, parameters with units and ranges, `config`.
+        """
+        return dict(self._batch.spec)
+
+    @property
     def config(self) -> dict[str, Any]:
         """Every keyword of the environment with its value, defaults filled in."""
         return dict(self._batch.spec["config"])
@@ -146,7 +153,7 @@ class Machine:
     @property
     def kind(self) -> str:
         """Which machine it is: `"pendulum"` or `"fin"`."""
-        return "fin" if "geometry" in self.config else "pendulum"
+        return str(self._batch.spec["machine"])
 
     def _needs(self, kind: str) -> None:
         if self.kind != kind:

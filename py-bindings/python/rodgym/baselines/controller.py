@@ -16,27 +16,27 @@ Action = npt.NDArray[np.float32]
 Self = TypeVar("Self", bound="Controller")
 
 
-def describe(env: Any) -> tuple[dict[str, Any], int]:
-    """Keywords and observation length of an environment, however it is wrapped.
+def describe(env: Any) -> dict[str, Any]:
+    """What the core says of an environment (`core_spec`), however it is wrapped.
 
     Takes an environment of rodgym, a vector environment or a Stable-Baselines3 `VecEnv`, with
     wrappers that leave the observation as it is.
     """
     base = getattr(env, "unwrapped", env)
-    config = getattr(base, "config", None)
-    if config is None:
+    spec = getattr(base, "core_spec", None)
+    if spec is None:
         for name in ("get_attr", "call"):
             if hasattr(env, name):
-                config = getattr(env, name)("config")[0]
+                spec = getattr(env, name)("core_spec")[0]
                 break
-    if not isinstance(config, dict):
+    if not isinstance(spec, dict):
         raise refused("env", env, "an environment of rodgym")
     space = getattr(env, "single_observation_space", None) or env.observation_space
-    if len(space.shape) != 1:
+    if space.shape != (len(spec["observation"]["names"]),):
         raise ParameterError(
             f"observation_space = {space} is not allowed: it must be the one that rodgym defines"
         )
-    return config, int(space.shape[0])
+    return spec
 
 
 class Controller:
@@ -49,9 +49,9 @@ class Controller:
     #: Name in `CONTROLLERS`, set by each law.
     name: ClassVar[str]
 
-    def __init__(self, config: dict[str, Any], observation_size: int) -> None:
-        """Designs the law for an environment's `config` (see `for_env`)."""
-        self._native = _native.Controller(self.name, config, observation_size)
+    def __init__(self, spec: dict[str, Any]) -> None:
+        """Designs the law for an environment's `core_spec` (see `for_env`)."""
+        self._native = _native.Controller(self.name, spec)
 
     @classmethod
     def for_env(cls: type[Self], env: Any) -> Self:
@@ -61,7 +61,7 @@ class Controller:
             ParameterError: not an environment that this law can play.
             DesignError: the design has no solution.
         """
-        return cls(*describe(env))
+        return cls(describe(env))
 
     @property
     def config(self) -> dict[str, Any]:
@@ -185,7 +185,7 @@ class Gait(Controller):
         if waveform not in laws:
             known = ", ".join(repr(name) for name in laws)
             raise refused("waveform", waveform, f"one of {known}")
-        return laws[waveform](*describe(env))
+        return laws[waveform](describe(env))
 
     @property
     def parameters(self) -> dict[str, float]:
