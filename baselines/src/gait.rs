@@ -11,7 +11,8 @@ use crate::registry::Target;
 use rodgym_core::catalog::{MakeOptions, make};
 use rodgym_core::env::{AutoresetMode, ResetOptions, Seeds, StepBuffer};
 use rodgym_core::fin::cycle::Waveform;
-use rodgym_core::fin::sensors::{DEMAND, THRUST_UNIT};
+use rodgym_core::fin::sensors::THRUST_UNIT;
+use rodgym_core::fin::tasks::DEMAND;
 use serde_json::Value;
 use std::f64::consts::TAU;
 

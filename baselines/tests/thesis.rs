@@ -3,7 +3,8 @@
 
 use rodgym_baselines::linalg::spectral_abscissa;
 use rodgym_baselines::pendulum::{ProcessNoise, RodDesign, ThesisDesign, ThesisRun};
-use rodgym_core::pendulum::Simulation;
+use rodgym_core::pendulum::BarePendulum;
+use rodgym_core::simulation::Simulation;
 use serde_json::json;
 use std::f64::consts::PI;
 
@@ -30,7 +31,7 @@ fn run_thesis(
     let serde_json::Value::Object(keywords) = json!({"width": width, "thesis": true}) else {
         unreachable!()
     };
-    let mut sim = Simulation::new(&keywords).unwrap();
+    let mut sim = BarePendulum::new(&keywords).unwrap();
     assert_eq!(sim.physics_dt(), 1e-4);
     let mut controller = ThesisRun::new(ThesisDesign::new(&rod, noise).unwrap(), observes, latches);
     let (mut switched, mut largest) = (f64::NAN, 0f64);

@@ -4,11 +4,11 @@
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use rodgym_core::batch::Machine;
-use rodgym_core::catalog::{MakeOptions, entry, make};
+use rodgym_core::catalog::{MakeOptions, make};
 use rodgym_core::env::{AutoresetMode, ResetOptions, Seeds, StepBuffer};
 use rodgym_core::isa::{ForLanes, Isa, Kernel, dispatch, with_lanes};
 use rodgym_core::lane::Real;
-use rodgym_core::pendulum::{Pendulum, Plant, Sensors, Task};
+use rodgym_core::pendulum::{Pendulum, Plant, Setup};
 use serde_json::{Map, Value, json};
 use std::hint::black_box;
 
@@ -56,9 +56,7 @@ fn physics(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("physics");
     group.throughput(Throughput::Elements(ENVS as u64)).sample_size(10);
     for (name, kwargs) in variants() {
-        let machine =
-            Pendulum::new(&entry(ID).unwrap(), Task::SwingUp, Sensors::Full, &map(&kwargs))
-                .unwrap();
+        let machine = Pendulum::new(&Setup::default(), &map(&kwargs)).unwrap();
         let isa = Isa::current().unwrap();
         let mut step = with_lanes(isa, Blocks(machine, isa));
         group.bench_function(name, |b| b.iter(&mut step));

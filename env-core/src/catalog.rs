@@ -3,17 +3,31 @@
 //! Everybody asks the row what an id stands for; nobody reads it out of the id. Another crate adds its own
 //! machines and tasks with `register`.
 
-use crate::batch::{self, BatchOptions};
+use crate::batch::{self, BatchOptions, Machine, Task};
 use crate::env::{AutoresetMode, VectorEnv};
 use crate::error::{Error, Result};
-use crate::fin::{self, FinTask};
-use crate::pendulum::{Pendulum, Sensors, Task};
+use crate::fin::tasks::{Efficiency, Swim, Thrust};
+use crate::pendulum::Sensors;
+use crate::pendulum::tasks::{Balance, SwingUp};
+use crate::simulation::Simulation;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
-use std::sync::{PoisonError, RwLock};
+use std::sync::{Arc, PoisonError, RwLock};
+
+/// Our own rows: a task is one line.
+fn ours() -> Vec<Entry> {
+    vec![
+        Entry::new("rodgym/PendulumSwingUp-v0", SwingUp { sensors: Sensors::Full }),
+        Entry::new("rodgym/PendulumBalance-v0", Balance),
+        Entry::new("rodgym/PendulumSwingUpBase-v0", SwingUp { sensors: Sensors::Base }),
+        Entry::new("rodgym/FinThrust-v0", Thrust),
+        Entry::new("rodgym/FinEfficiency-v0", Efficiency),
+        Entry::new("rodgym/FinSwim-v0", Swim),
+    ]
+}
 
 /// What an id stands for.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Serialize)]
 pub struct Entry {
     /// Id, such as `rodgym/PendulumSwingUp-v0`.
     pub id: &'static str,
@@ -25,89 +39,32 @@ pub struct Entry {
     pub max_episode_steps: u32,
     /// Return at which the task counts as solved; `None` where no single number says so.
     pub reward_threshold: Option<f64>,
-    /// Makes a batch from the keywords.
     #[serde(skip)]
-    pub build: Build,
+    build: Arc<Build>,
+    #[serde(skip)]
+    bare: Bare,
 }
 
-/// Makes a batch of a row's environments from checked options and the user's keywords.
-pub type Build = fn(&Entry, &Map<String, Value>, &BatchOptions) -> Result<Box<dyn VectorEnv>>;
+/// Makes a bare machine from its keywords.
+type Bare = fn(&Map<String, Value>) -> Result<Box<dyn Simulation>>;
 
-/// Our own rows.
-const OURS: &[Entry] = &[
-    Entry {
-        id: "rodgym/PendulumSwingUp-v0",
-        machine: "pendulum",
-        task: "swing_up",
-        max_episode_steps: 500,
-        reward_threshold: Some(400.0),
-        build: |entry, given, options| {
-            pendulum(entry, Task::SwingUp, Sensors::Full, given, options)
-        },
-    },
-    Entry {
-        id: "rodgym/PendulumBalance-v0",
-        machine: "pendulum",
-        task: "balance",
-        max_episode_steps: 1000,
-        reward_threshold: Some(950.0),
-        build: |entry, given, options| {
-            pendulum(entry, Task::Balance, Sensors::Full, given, options)
-        },
-    },
-    Entry {
-        id: "rodgym/PendulumSwingUpBase-v0",
-        machine: "pendulum",
-        task: "swing_up",
-        max_episode_steps: 500,
-        reward_threshold: Some(400.0),
-        build: |entry, given, options| {
-            pendulum(entry, Task::SwingUp, Sensors::Base, given, options)
-        },
-    },
-    Entry {
-        id: "rodgym/FinThrust-v0",
-        machine: "fin",
-        task: "thrust",
-        max_episode_steps: 200,
-        reward_threshold: None,
-        build: |entry, given, options| fin(entry, fin::Task::Thrust, given, options),
-    },
-    Entry {
-        id: "rodgym/FinEfficiency-v0",
-        machine: "fin",
-        task: "efficiency",
-        max_episode_steps: 200,
-        reward_threshold: None,
-        build: |entry, given, options| fin(entry, fin::Task::Efficiency, given, options),
-    },
-    Entry {
-        id: "rodgym/FinSwim-v0",
-        machine: "fin",
-        task: "swim",
-        max_episode_steps: 250,
-        reward_threshold: None,
-        build: |entry, given, options| fin(entry, fin::Task::Swim, given, options),
-    },
-];
+/// Makes a batch of a row's environments from the user's keywords.
+type Build =
+    dyn Fn(&Entry, &Map<String, Value>, &BatchOptions) -> Result<Box<dyn VectorEnv>> + Send + Sync;
 
-fn pendulum(
-    entry: &Entry,
-    task: Task,
-    sensors: Sensors,
-    given: &Map<String, Value>,
-    options: &BatchOptions,
-) -> Result<Box<dyn VectorEnv>> {
-    batch::make(Pendulum::new(entry, task, sensors, given)?, options)
-}
-
-fn fin(
-    entry: &Entry,
-    task: fin::Task,
-    given: &Map<String, Value>,
-    options: &BatchOptions,
-) -> Result<Box<dyn VectorEnv>> {
-    batch::make(FinTask::new(entry, task, given)?, options)
+impl Entry {
+    /// The row of a task under an id.
+    pub fn new<T: Task>(id: &'static str, task: T) -> Self {
+        Entry {
+            id,
+            machine: T::Machine::NAME,
+            task: T::NAME,
+            max_episode_steps: T::MAX_EPISODE_STEPS,
+            reward_threshold: T::REWARD_THRESHOLD,
+            build: Arc::new(move |entry, given, options| batch::make(entry, &task, given, options)),
+            bare: T::Machine::bare,
+        }
+    }
 }
 
 /// Rows that other crates added.
@@ -116,7 +73,7 @@ static ADDED: RwLock<Vec<Entry>> = RwLock::new(Vec::new());
 /// Every row, ours first.
 pub fn entries() -> Vec<Entry> {
     let added = ADDED.read().unwrap_or_else(PoisonError::into_inner);
-    OURS.iter().chain(added.iter()).copied().collect()
+    ours().into_iter().chain(added.iter().cloned()).collect()
 }
 
 /// The row of an id.
@@ -125,7 +82,7 @@ pub fn entries() -> Vec<Entry> {
 /// An id that no row has.
 pub fn entry(id: &str) -> Result<Entry> {
     let all = entries();
-    all.iter().find(|entry| entry.id == id).copied().ok_or_else(|| {
+    all.iter().find(|entry| entry.id == id).cloned().ok_or_else(|| {
         let known: Vec<&str> = all.iter().map(|entry| entry.id).collect();
         Error::UnknownEnv { id: id.into(), known: known.join(", ") }
     })
@@ -136,11 +93,10 @@ pub fn entry(id: &str) -> Result<Entry> {
 /// # Errors
 /// An id that is there already.
 pub fn register(entry: Entry) -> Result<()> {
-    let mut added = ADDED.write().unwrap_or_else(PoisonError::into_inner);
-    if OURS.iter().chain(added.iter()).any(|known| known.id == entry.id) {
+    if entries().iter().any(|known| known.id == entry.id) {
         return Err(Error::parameter("id", entry.id, "an id that is not in the catalogue yet"));
     }
-    added.push(entry);
+    ADDED.write().unwrap_or_else(PoisonError::into_inner).push(entry);
     Ok(())
 }
 
@@ -175,4 +131,18 @@ pub fn make(options: &MakeOptions) -> Result<Box<dyn VectorEnv>> {
         num_threads: options.num_threads,
     };
     (entry.build)(&entry, &options.kwargs, &batch_options)
+}
+
+/// Makes a bare machine by the word that it is looked up by.
+///
+/// # Errors
+/// A machine that no row has, an unknown keyword, a value outside its range.
+pub fn simulation(machine: &str, given: &Map<String, Value>) -> Result<Box<dyn Simulation>> {
+    let all = entries();
+    let Some(entry) = all.iter().find(|entry| entry.machine == machine) else {
+        let mut known: Vec<&str> = all.iter().map(|entry| entry.machine).collect();
+        known.dedup();
+        return Err(Error::parameter("machine", machine, format!("one of {}", known.join(", "))));
+    };
+    (entry.bare)(given)
 }

@@ -1,7 +1,12 @@
 //! What every batch of environments offers, whatever machine is inside: the face that the Python
 //! bindings and the network server talk to.
 
+pub use crate::results::{StepBuffer, StepData};
+pub use crate::scene::{NodeState, Scene};
+pub use crate::spec::{Parameter, Space, Spec};
+
 use crate::error::Result;
+use crate::simulation::Simulation;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
@@ -20,87 +25,6 @@ pub enum AutoresetMode {
     /// A single environment: nothing starts by itself, stepping goes on after the end.
     #[serde(rename = "Single")]
     Single,
-}
-
-/// Bounds and meaning of an observation or action vector.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Space {
-    /// Lower bound of each component.
-    pub low: Vec<f64>,
-    /// Upper bound of each component.
-    pub high: Vec<f64>,
-    /// What each component is, with its unit, for documentation.
-    pub names: Vec<String>,
-}
-
-impl Space {
-    /// An empty space, to be filled with `push`.
-    pub fn new() -> Self {
-        Space { low: vec![], high: vec![], names: vec![] }
-    }
-    /// Adds a component.
-    pub fn push(&mut self, low: f64, high: f64, name: impl Into<String>) {
-        self.low.push(low);
-        self.high.push(high);
-        self.names.push(name.into());
-    }
-    /// Number of components.
-    pub fn size(&self) -> usize {
-        self.low.len()
-    }
-}
-
-impl Default for Space {
-    fn default() -> Self {
-        Space::new()
-    }
-}
-
-/// A physical parameter: name, unit, default and allowed range. Its name is the same word everywhere: keyword,
-/// `info["parameters"]`, report column.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Parameter {
-    /// Keyword.
-    pub name: &'static str,
-    /// SI unit, empty where there is none.
-    pub unit: &'static str,
-    /// Default value.
-    pub default: f64,
-    /// Smallest allowed value.
-    pub low: f64,
-    /// Largest allowed value.
-    pub high: f64,
-    /// What it is, in one sentence.
-    pub doc: &'static str,
-}
-
-/// All that a user can ask about an environment before stepping it.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Spec {
-    /// Id, such as `rodgym/PendulumSwingUp-v0`.
-    pub id: String,
-    /// The machine that is moved: the word that everything about it is looked up by.
-    pub machine: &'static str,
-    /// What is asked of it.
-    pub task: &'static str,
-    /// Observation of one environment (float32).
-    pub observation: Space,
-    /// Action of one environment (float32).
-    pub action: Space,
-    /// Names of the reward's terms; they add up to the reward.
-    pub reward_terms: Vec<&'static str>,
-    /// Names of further numbers reported at every step.
-    pub metrics: Vec<&'static str>,
-    /// Physical parameters of an episode, in the order of `StepData::parameters`.
-    pub parameters: Vec<Parameter>,
-    /// Every keyword with its value as resolved (defaults filled in).
-    pub config: Map<String, Value>,
-    /// Steps after which an episode is cut, unless asked otherwise.
-    pub default_max_episode_steps: u32,
-    /// Duration of a step \[s\].
-    pub control_dt: f64,
-    /// Duration of a physics step \[s\].
-    pub physics_dt: f64,
 }
 
 /// What a reset may set beside the seed. Empty means: draw as configured.
@@ -123,121 +47,6 @@ pub enum Seeds {
     Base(u64),
     /// One seed an environment; `None` continues its stream.
     Each(Vec<Option<u64>>),
-}
-
-/// Row-major results of a step or reset for `n` environments; the caller owns the memory.
-///
-/// Sizes: d = observation, k = reward terms + metrics, p = parameters.
-pub struct StepData<'a> {
-    /// (n, d) observations.
-    pub observation: &'a mut [f32],
-    /// (n) rewards.
-    pub reward: &'a mut [f64],
-    /// (n) episode ended by the task.
-    pub terminated: &'a mut [bool],
-    /// (n) episode cut by the time limit or by a solver failure.
-    pub truncated: &'a mut [bool],
-    /// (n, d) last observations, written only where an episode ended in `SameStep` mode.
-    pub final_observation: &'a mut [f32],
-    /// (n, k) reward terms, then metrics; written where a step was taken.
-    pub terms: &'a mut [f64],
-    /// (n, p) parameters of the episode; written where an episode began.
-    pub parameters: &'a mut [f64],
-    /// (n) set where a step was taken.
-    pub stepped: &'a mut [bool],
-    /// (n) set where an episode began.
-    pub began: &'a mut [bool],
-    /// (n) set where the solver gave up.
-    pub solver_failure: &'a mut [bool],
-}
-
-/// The same results, owning their memory.
-#[derive(Clone, Debug, Default)]
-#[allow(missing_docs, reason = "fields are those of StepData")]
-pub struct StepBuffer {
-    pub observation: Vec<f32>,
-    pub reward: Vec<f64>,
-    pub terminated: Vec<bool>,
-    pub truncated: Vec<bool>,
-    pub final_observation: Vec<f32>,
-    pub terms: Vec<f64>,
-    pub parameters: Vec<f64>,
-    pub stepped: Vec<bool>,
-    pub began: Vec<bool>,
-    pub solver_failure: Vec<bool>,
-}
-
-impl StepBuffer {
-    /// Memory for `n` environments of this kind.
-    pub fn new(spec: &Spec, n: usize) -> Self {
-        let d = spec.observation.size();
-        let k = spec.reward_terms.len() + spec.metrics.len();
-        StepBuffer {
-            observation: vec![0.0; n * d],
-            reward: vec![0.0; n],
-            terminated: vec![false; n],
-            truncated: vec![false; n],
-            final_observation: vec![0.0; n * d],
-            terms: vec![0.0; n * k],
-            parameters: vec![0.0; n * spec.parameters.len()],
-            stepped: vec![false; n],
-            began: vec![false; n],
-            solver_failure: vec![false; n],
-        }
-    }
-
-    /// Borrows all of it for a step.
-    pub fn data(&mut self) -> StepData<'_> {
-        StepData {
-            observation: &mut self.observation,
-            reward: &mut self.reward,
-            terminated: &mut self.terminated,
-            truncated: &mut self.truncated,
-            final_observation: &mut self.final_observation,
-            terms: &mut self.terms,
-            parameters: &mut self.parameters,
-            stepped: &mut self.stepped,
-            began: &mut self.began,
-            solver_failure: &mut self.solver_failure,
-        }
-    }
-}
-
-/// What there is to draw of one environment.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Scene {
-    /// `pendulum` or `fin`.
-    pub machine: String,
-    /// Simulated time since the episode began \[s\].
-    pub time: f64,
-    /// Steps since the episode began.
-    pub steps: u32,
-    /// Node positions \[m\].
-    pub nodes: Vec<[f64; 2]>,
-    /// Thickness at the nodes \[m\].
-    pub thickness: Vec<f64>,
-    /// Signed curvature kappa at the nodes (0 at both ends, integrated: no unit).
-    pub curvature: Vec<f64>,
-    /// The last action, after clipping.
-    pub action: Vec<f64>,
-    /// Reward of the last step.
-    pub reward: f64,
-    /// Sum of rewards since the episode began.
-    pub episode_return: f64,
-    /// Named numbers that the picture may use: `torque` \[N m\], `torque_limit`, `length`, `thrust` \[N\],
-    /// `pitch`, `flow_speed`, `hull_position`, ...
-    pub values: Map<String, Value>,
-    /// Named vectors that start at nodes, such as `fluid_force` \[N\]; one (x, y) a node.
-    pub arrows: Map<String, Value>,
-}
-
-/// Positions \[m\] and velocities \[m/s\] of the nodes of one rod, (x, y) a node.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct NodeState {
-    /// Positions \[m\].
-    pub positions: Vec<[f64; 2]>,
-    /// Velocities \[m/s\].
-    pub velocities: Vec<[f64; 2]>,
 }
 
 /// Many environments stepped together. Object safe: made by `catalog::make`.
@@ -287,4 +96,7 @@ pub trait VectorEnv: Send {
     fn parameters(&self, index: usize) -> Result<Vec<f64>>;
     /// Positions and velocities of the nodes of environment `index`, (x, y) a node \[m, m/s\].
     fn nodes(&self, index: usize) -> Result<NodeState>;
+    /// An exact copy of what runs in environment `index`: stepping it leaves the environment alone, and the next
+    /// step of both has the same bits.
+    fn simulation(&self, index: usize) -> Result<Box<dyn Simulation>>;
 }

@@ -1,20 +1,113 @@
-//! Reading keywords: every value is checked, every refusal names the keyword, the value and what is allowed.
+//! Keywords of a machine: one table that says what is allowed, checks what is given, fills in what is not, and
+//! documents itself. Every refusal names the keyword, the value and what is allowed.
 
-use crate::env::Parameter;
+use crate::draw::Draw;
 use crate::error::{Error, Result};
-use crate::seed::Stream;
-use serde_json::{Map, Value};
+use crate::spec::Parameter;
+use serde::{Serialize, Serializer};
+use serde_json::{Map, Value, json};
 
-/// The keywords that a user gave, and the names that exist.
-pub struct Keywords<'a> {
-    given: &'a Map<String, Value>,
+/// One keyword of a machine, beside its physical parameters.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Keyword {
+    /// Its name.
+    pub name: &'static str,
+    /// SI unit, empty where there is none.
+    pub unit: &'static str,
+    /// The default in words that a user would type, or in a few that say what it depends on.
+    pub default: &'static str,
+    /// What it takes.
+    #[serde(serialize_with = "as_text")]
+    pub allowed: Allowed,
+    /// What it is, in a few words.
+    pub doc: &'static str,
+    /// Whether the bare simulation takes it, too.
+    pub bare: bool,
 }
 
-impl<'a> Keywords<'a> {
-    /// Refuses names that are not in `known`.
-    pub fn new(given: &'a Map<String, Value>, known: &[&str]) -> Result<Self> {
-        check_names(given, known)?;
-        Ok(Keywords { given })
+/// What a keyword takes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Allowed {
+    /// A number between two bounds.
+    Number(f64, f64),
+    /// The same, or `None` for none at all.
+    NumberOrNone(f64, f64),
+    /// An integer between two bounds.
+    Integer(u64, u64),
+    /// True or false.
+    Flag,
+    /// One of a few words.
+    Choice(&'static [&'static str]),
+    /// A pair low <= high between two bounds.
+    Range(f64, f64),
+    /// A dictionary of numbers between two bounds; what is left out is 0.
+    Numbers(&'static [&'static str], f64, f64),
+    /// Something that its machine reads by itself, in words.
+    Other(&'static str),
+}
+
+impl Allowed {
+    /// In words, as errors have it.
+    pub fn text(&self) -> String {
+        match self {
+            Allowed::Number(low, high) => between(*low, *high),
+            Allowed::NumberOrNone(low, high) => format!("{}, or None", between(*low, *high)),
+            Allowed::Integer(low, high) => format!("an integer from {low} to {high}"),
+            Allowed::Flag => "true or false".into(),
+            Allowed::Choice(words) => {
+                let quoted: Vec<String> = words.iter().map(|word| format!("'{word}'")).collect();
+                format!("one of {}", quoted.join(", "))
+            }
+            Allowed::Range(low, high) => {
+                format!("a pair (low, high) with {low} <= low <= high <= {high}")
+            }
+            Allowed::Numbers(keys, ..) => format!("a dictionary with keys {}", keys.join(", ")),
+            Allowed::Other(words) => (*words).into(),
+        }
+    }
+}
+
+fn as_text<S: Serializer>(
+    allowed: &Allowed,
+    serializer: S,
+) -> std::result::Result<S::Ok, S::Error> {
+    serializer.serialize_str(&allowed.text())
+}
+
+fn between(low: f64, high: f64) -> String {
+    if low == high { low.to_string() } else { format!("a number from {low} to {high}") }
+}
+
+/// The row of `randomize`, which every machine has.
+pub const RANDOMIZE: Keyword = Keyword {
+    name: "randomize",
+    unit: "",
+    default: "{}",
+    allowed: Allowed::Other("a dictionary such as {'width': (0.006, 0.009)}"),
+    doc: "{parameter: (low, high) or ('log_uniform', low, high)}, drawn each episode",
+    bare: false,
+};
+
+/// Reads the keywords that a user gave by a machine's table, and notes the value that each resolves to.
+pub struct Reader<'a> {
+    given: &'a Map<String, Value>,
+    table: &'static [Keyword],
+    resolved: Map<String, Value>,
+}
+
+impl<'a> Reader<'a> {
+    /// Refuses names that are neither a parameter nor in the table.
+    ///
+    /// # Errors
+    /// Names the first of them.
+    pub fn new(
+        given: &'a Map<String, Value>,
+        parameters: &[Parameter],
+        table: &'static [Keyword],
+    ) -> Result<Self> {
+        let names = parameters.iter().map(|p| p.name).chain(table.iter().map(|k| k.name));
+        check_names(given, &names.collect::<Vec<_>>())?;
+        Ok(Reader { given, table, resolved: Map::new() })
     }
 
     /// The value of a keyword; `None` where it was not given or is null.
@@ -22,79 +115,175 @@ impl<'a> Keywords<'a> {
         self.given.get(name).filter(|value| !value.is_null())
     }
 
-    /// A number within `[low, high]`.
-    pub fn number(&self, name: &str, default: f64, low: f64, high: f64) -> Result<f64> {
-        self.get(name).map_or(Ok(default), |value| number(name, value, low, high))
+    /// Notes what a keyword resolves to, where that is not just what was read.
+    pub fn note(&mut self, name: &str, value: impl Into<Value>) {
+        self.resolved.insert(name.into(), value.into());
     }
 
-    /// A number within `[low, high]`, or `None` where it was not given.
-    pub fn optional(&self, name: &str, low: f64, high: f64) -> Result<Option<f64>> {
-        self.get(name).map(|value| number(name, value, low, high)).transpose()
+    fn allowed(&self, name: &str) -> Allowed {
+        let row = self.table.iter().find(|row| row.name == name);
+        row.unwrap_or_else(|| panic!("the keyword {name} is not in the table")).allowed
     }
 
-    /// The value of a physical parameter.
-    pub fn parameter(&self, parameter: &Parameter, default: f64) -> Result<f64> {
-        self.number(parameter.name, default, parameter.low, parameter.high)
+    /// What is given for a keyword of a certain kind: its value, as `read` has it.
+    fn read<T>(
+        &self,
+        name: &str,
+        read: impl FnOnce(&Value, Allowed) -> Option<T>,
+    ) -> Result<Option<T>> {
+        let allowed = self.allowed(name);
+        let Some(value) = self.get(name) else { return Ok(None) };
+        let refuse = || Error::parameter(name, value, allowed.text());
+        read(value, allowed).map(Some).ok_or_else(refuse)
     }
 
-    /// An integer within `[low, high]`.
-    pub fn integer(&self, name: &str, default: u64, low: u64, high: u64) -> Result<u64> {
-        let Some(value) = self.get(name) else { return Ok(default) };
-        let refuse = || Error::parameter(name, value, format!("an integer from {low} to {high}"));
-        value.as_u64().filter(|n| (low..=high).contains(n)).ok_or_else(refuse)
+    /// A number within the table's bounds, if it was given; nothing is noted.
+    ///
+    /// # Errors
+    /// Anything else (so for all that follow).
+    pub fn asked(&self, name: &str) -> Result<Option<f64>> {
+        self.read(name, |value, allowed| match allowed {
+            Allowed::Number(low, high) | Allowed::NumberOrNone(low, high) => {
+                value.as_f64().filter(|x| (low..=high).contains(x))
+            }
+            _ => None,
+        })
+    }
+
+    /// A number within the table's bounds.
+    pub fn number(&mut self, name: &str, default: f64) -> Result<f64> {
+        let value = self.asked(name)?.unwrap_or(default);
+        self.note(name, value);
+        Ok(value)
+    }
+
+    /// A number within bounds that depend on other keywords.
+    pub fn number_within(&mut self, name: &str, default: f64, low: f64, high: f64) -> Result<f64> {
+        let value = self.get(name).map_or(Ok(default), |value| number(name, value, low, high))?;
+        self.note(name, value);
+        Ok(value)
+    }
+
+    /// The same as `number`, or `None` where null was given.
+    pub fn number_or_none(&mut self, name: &str, default: f64) -> Result<Option<f64>> {
+        let none = self.given.get(name).is_some_and(Value::is_null);
+        let value = if none { None } else { Some(self.asked(name)?.unwrap_or(default)) };
+        self.note(name, value);
+        Ok(value)
+    }
+
+    /// An integer within the table's bounds.
+    pub fn integer(&mut self, name: &str, default: u64) -> Result<u64> {
+        let found = self.read(name, |value, allowed| match allowed {
+            Allowed::Integer(low, high) => value.as_u64().filter(|n| (low..=high).contains(n)),
+            _ => None,
+        })?;
+        let value = found.unwrap_or(default);
+        self.note(name, value);
+        Ok(value)
     }
 
     /// True or false.
-    pub fn flag(&self, name: &str, default: bool) -> Result<bool> {
-        let Some(value) = self.get(name) else { return Ok(default) };
-        value.as_bool().ok_or_else(|| Error::parameter(name, value, "true or false"))
+    pub fn flag(&mut self, name: &str, default: bool) -> Result<bool> {
+        let value = self.read(name, |value, _| value.as_bool())?.unwrap_or(default);
+        self.note(name, value);
+        Ok(value)
     }
 
-    /// One of a few words.
-    pub fn choice<'c>(&self, name: &str, default: &'c str, words: &[&'c str]) -> Result<&'c str> {
-        let Some(value) = self.get(name) else { return Ok(default) };
-        let found = words.iter().copied().find(|word| Some(*word) == value.as_str());
-        let quoted: Vec<String> = words.iter().map(|word| format!("'{word}'")).collect();
-        found.ok_or_else(|| Error::parameter(name, value, format!("one of {}", quoted.join(", "))))
+    /// One of the table's words.
+    pub fn choice(&mut self, name: &str, default: &'static str) -> Result<&'static str> {
+        let found = self.read(name, |value, allowed| match allowed {
+            Allowed::Choice(words) => {
+                words.iter().copied().find(|word| Some(*word) == value.as_str())
+            }
+            _ => None,
+        })?;
+        let value = found.unwrap_or(default);
+        self.note(name, value);
+        Ok(value)
     }
 
-    /// A pair low <= high within limits.
-    pub fn range(&self, name: &str, default: (f64, f64), limits: (f64, f64)) -> Result<(f64, f64)> {
-        let Some(value) = self.get(name) else { return Ok(default) };
-        let allowed =
-            || format!("a pair (low, high) with {} <= low <= high <= {}", limits.0, limits.1);
-        let refuse = || Error::parameter(name, value, allowed());
-        let pair = value.as_array().filter(|pair| pair.len() == 2).ok_or_else(refuse)?;
-        let (Some(low), Some(high)) = (pair[0].as_f64(), pair[1].as_f64()) else {
-            return Err(refuse());
+    /// A pair low <= high within the table's bounds.
+    pub fn range(&mut self, name: &str, default: (f64, f64)) -> Result<(f64, f64)> {
+        let found = self.read(name, |value, allowed| {
+            let Allowed::Range(least, most) = allowed else { return None };
+            let [low, high] = value.as_array()?.as_slice() else { return None };
+            let (low, high) = (low.as_f64()?, high.as_f64()?);
+            (least <= low && low <= high && high <= most).then_some((low, high))
+        })?;
+        let (low, high) = found.unwrap_or(default);
+        self.note(name, json!([low, high]));
+        Ok((low, high))
+    }
+
+    /// Numbers by the table's keys, 0 where not given.
+    pub fn numbers<const N: usize>(&mut self, name: &str) -> Result<[f64; N]> {
+        let Allowed::Numbers(keys, low, high) = self.allowed(name) else {
+            panic!("the keyword {name} is no dictionary of numbers");
         };
-        if limits.0 <= low && low <= high && high <= limits.1 {
-            Ok((low, high))
-        } else {
-            Err(refuse())
+        let mut values = [0.0; N];
+        if let Some(map) = self.read(name, |value, _| value.as_object().cloned())? {
+            check_names(&map, keys)?;
+            for (slot, key) in values.iter_mut().zip(keys) {
+                if let Some(value) = map.get(*key) {
+                    *slot = number(&format!("{name}['{key}']"), value, low, high)?;
+                }
+            }
         }
+        let noted: Map<String, Value> =
+            keys.iter().zip(values).map(|(key, value)| ((*key).into(), value.into())).collect();
+        self.note(name, noted);
+        Ok(values)
     }
 
-    /// A dictionary whose values are numbers within limits, for the names in `known`; 0 where not given.
-    pub fn numbers(&self, name: &str, known: &[&str], low: f64, high: f64) -> Result<Vec<f64>> {
-        let empty = Map::new();
-        let map = match self.get(name) {
-            None => &empty,
-            Some(value) => value.as_object().ok_or_else(|| {
-                Error::parameter(
-                    name,
-                    value,
-                    format!("a dictionary with keys {}", known.join(", ")),
-                )
-            })?,
-        };
-        check_names(map, known)?;
-        let read = |key: &&str| {
-            let full = format!("{name}['{key}']");
-            map.get(*key).map_or(Ok(0.0), |value| number(&full, value, low, high))
-        };
-        known.iter().map(read).collect()
+    /// The values of all physical parameters.
+    pub fn parameters(
+        &mut self,
+        table: &[Parameter],
+        default: impl Fn(&Parameter) -> f64,
+    ) -> Result<Vec<f64>> {
+        let mut values = Vec::with_capacity(table.len());
+        for row in table {
+            let value = self.get(row.name).map(|value| number(row.name, value, row.low, row.high));
+            let value = value.transpose()?.unwrap_or_else(|| default(row));
+            self.note(row.name, value);
+            values.push(value);
+        }
+        Ok(values)
     }
+
+    /// How each parameter is drawn: `values`, unless `randomize` has a range for its name, or is not given and the
+    /// machine has a `usual` one.
+    pub fn draws(
+        &mut self,
+        table: &[Parameter],
+        values: &[f64],
+        usual: Option<Value>,
+    ) -> Result<Vec<Draw>> {
+        let randomize = self.get(RANDOMIZE.name).cloned().or(usual);
+        let draws = Draw::table(randomize.as_ref(), table, values)?;
+        self.note(RANDOMIZE.name, randomize.unwrap_or_else(|| json!({})));
+        Ok(draws)
+    }
+
+    /// Every keyword with the value that it resolved to.
+    ///
+    /// # Panics
+    /// When the machine has left out a keyword of its table.
+    pub fn resolved(self) -> Map<String, Value> {
+        let missing = self.table.iter().find(|row| !self.resolved.contains_key(row.name));
+        assert!(missing.is_none(), "the keyword {missing:?} was never read");
+        self.resolved
+    }
+}
+
+/// Names that a bare simulation takes: parameters, and the keywords that say so.
+pub fn bare_names<'a>(
+    parameters: impl IntoIterator<Item = &'a Parameter>,
+    keywords: &'static [Keyword],
+) -> Vec<&'static str> {
+    let bare = keywords.iter().filter(|keyword| keyword.bare).map(|keyword| keyword.name);
+    parameters.into_iter().map(|parameter| parameter.name).chain(bare).collect()
 }
 
 /// Refuses names that are not in `known`.
@@ -108,9 +297,7 @@ pub fn check_names(given: &Map<String, Value>, known: &[&str]) -> Result<()> {
 /// A finite number within `[low, high]`.
 pub fn number(name: &str, value: &Value, low: f64, high: f64) -> Result<f64> {
     let fits = value.as_f64().filter(|x| (low..=high).contains(x));
-    let allowed =
-        || if low == high { low.to_string() } else { format!("a number from {low} to {high}") };
-    fits.ok_or_else(|| Error::parameter(name, value, allowed()))
+    fits.ok_or_else(|| Error::parameter(name, value, between(low, high)))
 }
 
 /// How many times `dt` fits into a duration that must be a multiple of it.
@@ -124,89 +311,4 @@ pub fn whole(name: &str, duration: f64, dt: f64) -> Result<usize> {
         return Err(Error::parameter(name, duration, allowed));
     }
     Ok(times as usize)
-}
-
-/// Reads exact parameter values, as given to `reset`; `None` where not given.
-pub fn exact_parameters(
-    given: &Map<String, Value>,
-    table: &[Parameter],
-) -> Result<Vec<Option<f64>>> {
-    let known: Vec<&str> = table.iter().map(|p| p.name).collect();
-    check_names(given, &known)?;
-    let read = |p: &Parameter| {
-        given.get(p.name).map(|value| number(p.name, value, p.low, p.high)).transpose()
-    };
-    table.iter().map(read).collect()
-}
-
-/// How a parameter is drawn for an episode.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Draw {
-    /// Always the same.
-    Fixed(f64),
-    /// Uniform between two values.
-    Uniform(f64, f64),
-    /// Log-uniform between two positive values.
-    LogUniform(f64, f64),
-}
-
-impl Draw {
-    /// Draws a value.
-    pub fn draw(&self, stream: &mut Stream) -> f64 {
-        match *self {
-            Draw::Fixed(value) => value,
-            Draw::Uniform(low, high) => stream.uniform(low, high),
-            Draw::LogUniform(low, high) => stream.log_uniform(low, high),
-        }
-    }
-
-    /// Smallest and largest value.
-    pub fn bounds(&self) -> (f64, f64) {
-        match *self {
-            Draw::Fixed(value) => (value, value),
-            Draw::Uniform(low, high) | Draw::LogUniform(low, high) => (low, high),
-        }
-    }
-
-    /// How each parameter of a table is drawn: `values`, unless `randomize` has a `(low, high)` or
-    /// `("log_uniform", low, high)` for its name.
-    pub fn table(
-        keywords: &Keywords<'_>,
-        table: &[Parameter],
-        values: &[f64],
-    ) -> Result<Vec<Draw>> {
-        let mut draws: Vec<Draw> = values.iter().map(|&value| Draw::Fixed(value)).collect();
-        let Some(value) = keywords.get("randomize") else { return Ok(draws) };
-        let allowed = "a dictionary such as {'width': (0.006, 0.009)}";
-        let map = value.as_object().ok_or_else(|| Error::parameter("randomize", value, allowed))?;
-        let known: Vec<&str> = table.iter().map(|p| p.name).collect();
-        check_names(map, &known)?;
-        for (draw, parameter) in draws.iter_mut().zip(table) {
-            if let Some(value) = map.get(parameter.name) {
-                *draw = Draw::read(parameter, value)?;
-            }
-        }
-        Ok(draws)
-    }
-
-    fn read(parameter: &Parameter, value: &Value) -> Result<Draw> {
-        let (least, most) = (parameter.low, parameter.high);
-        let name = format!("randomize['{}']", parameter.name);
-        let refuse = || {
-            let pair = format!("(low, high) with {least} <= low <= high <= {most}");
-            let allowed = format!("{pair}, or ('log_uniform', low, high) with low > 0");
-            Error::parameter(&name, value, allowed)
-        };
-        let (log, pair) = match value.as_array().map(Vec::as_slice) {
-            Some([word, rest @ ..]) if word.as_str() == Some("log_uniform") => (true, rest),
-            Some(pair) => (false, pair),
-            None => return Err(refuse()),
-        };
-        let [low, high] = pair else { return Err(refuse()) };
-        let (Some(low), Some(high)) = (low.as_f64(), high.as_f64()) else { return Err(refuse()) };
-        if !(least <= low && low <= high && high <= most && (!log || low > 0.0)) {
-            return Err(refuse());
-        }
-        Ok(if log { Draw::LogUniform(low, high) } else { Draw::Uniform(low, high) })
-    }
 }

@@ -6,6 +6,7 @@
 
 pub mod batch;
 pub mod catalog;
+pub mod draw;
 pub mod env;
 pub mod error;
 pub mod fin;
@@ -15,9 +16,13 @@ pub mod keywords;
 pub mod lane;
 pub mod linear;
 pub mod pendulum;
+pub mod results;
 pub mod rod;
+mod scene;
 pub mod seed;
+pub mod simulation;
 pub mod snapshot;
+mod spec;
 pub mod stepper;
 pub mod vec2;
 

@@ -6,7 +6,8 @@ use rodgym_core::catalog::{MakeOptions, entry, make};
 use rodgym_core::env::{AutoresetMode, ResetOptions, Seeds, StepBuffer, VectorEnv};
 use rodgym_core::isa::Isa;
 use rodgym_core::lane::Lanes;
-use rodgym_core::pendulum::{Pendulum, Sensors, Task};
+use rodgym_core::pendulum::tasks::SwingUp;
+use rodgym_core::pendulum::{Pendulum, Sensors};
 use rodgym_core::seed::Stream;
 use serde_json::{Map, Value, json};
 
@@ -88,21 +89,22 @@ fn same_bits_for_every_batch_size_and_number_of_threads() {
 #[test]
 fn same_bits_for_every_instruction_set_and_lane_width() {
     for kwargs in variants() {
-        let id = "rodgym/PendulumSwingUp-v0";
-        let machine =
-            Pendulum::new(&entry(id).unwrap(), Task::SwingUp, Sensors::Full, &map(kwargs)).unwrap();
+        let (row, given) = (entry("rodgym/PendulumSwingUp-v0").unwrap(), map(kwargs));
+        let task = SwingUp { sensors: Sensors::Full };
         let options = BatchOptions {
             num_envs: 20,
             autoreset_mode: AutoresetMode::NextStep,
             max_episode_steps: Some(25),
             num_threads: 1,
         };
-        let scalar =
-            trace(&mut Batch::<_, f64>::new(machine.clone(), &options, Isa::Baseline), 20, 60);
+        let mut scalar =
+            Batch::<Pendulum, f64>::new(&row, &task, &given, &options, Isa::Baseline).unwrap();
+        let scalar = trace(&mut scalar, 20, 60);
         for isa in Isa::available() {
-            let mut eight = in_lanes(machine.clone(), &options, isa);
+            let mut eight = in_lanes(&row, &task, &given, &options, isa).unwrap();
             assert_eq!(trace(eight.as_mut(), 20, 60), scalar, "{isa:?}, 8 lanes");
-            let mut four = Batch::<_, Lanes<4>>::new(machine.clone(), &options, isa);
+            let mut four =
+                Batch::<Pendulum, Lanes<4>>::new(&row, &task, &given, &options, isa).unwrap();
             assert_eq!(trace(&mut four, 20, 60), scalar, "{isa:?}, 4 lanes");
         }
     }

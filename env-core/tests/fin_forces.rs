@@ -2,13 +2,14 @@
 //! balances of power and momentum, symmetries.
 
 use rodgym_core::fin::plant::{Design, Scheme};
-use rodgym_core::fin::{Fin, Forces, Geometry, Parameters};
+use rodgym_core::fin::{BareFin, Forces, Geometry, Parameters};
 use rodgym_core::fluid::Hydrodynamics;
 use rodgym_core::seed::Stream;
+use rodgym_core::simulation::Simulation;
 
 type Nodes = Vec<[f64; 2]>;
 
-fn fin(hydrodynamics: Hydrodynamics, parameters: Parameters) -> Fin {
+fn fin(hydrodynamics: Hydrodynamics, parameters: Parameters) -> BareFin {
     let design = Design {
         geometry: Geometry::thesis(),
         hydrodynamics,
@@ -16,7 +17,7 @@ fn fin(hydrodynamics: Hydrodynamics, parameters: Parameters) -> Fin {
         physics_dt: 1e-3,
         free_swimming: false,
     };
-    Fin::new(design, parameters).expect("allowed")
+    BareFin::new(design, parameters).expect("allowed")
 }
 
 /// A strongly bent and stretched fin in rapid motion.
@@ -35,7 +36,7 @@ fn motion(stream: &mut Stream) -> (Nodes, Nodes) {
     (positions, velocities)
 }
 
-fn forces(fin: &Fin, x: &Nodes, v: &Nodes) -> Forces {
+fn forces(fin: &BareFin, x: &Nodes, v: &Nodes) -> Forces {
     fin.forces(x, v).expect("finite")
 }
 
@@ -228,7 +229,7 @@ fn a_towed_fin_moves_as_one_in_a_flow() {
         let mut held = fin(Hydrodynamics::Lighthill, held);
         let towed = Parameters { hull_mass: 1000.0, hull_drag_area: 0.0, damping, ..held_still() };
         let design = Design { free_swimming: true, ..held.design().clone() };
-        let mut towed = Fin::new(design, towed).expect("allowed");
+        let mut towed = BareFin::new(design, towed).expect("allowed");
         let start = towed.positions();
         towed.set_state(&start, &[[-speed, 0.0]; 8]).expect("a straight fin on its way");
         let (mut worst, mut largest) = (0.0f64, 0.0f64);

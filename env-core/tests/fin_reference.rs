@@ -5,8 +5,9 @@ use nalgebra::{DMatrix, SymmetricEigen};
 use rodgym_core::fin::cycle::{Cycle, Drive, Waveform, measure};
 use rodgym_core::fin::plant::{Design, Scheme};
 use rodgym_core::fin::servo::{Servo, Ticks};
-use rodgym_core::fin::{Fin, Geometry, Parameters};
+use rodgym_core::fin::{BareFin, Geometry, Parameters};
 use rodgym_core::fluid::Hydrodynamics;
+use rodgym_core::simulation::Simulation;
 use std::collections::HashMap;
 
 type Row = HashMap<String, String>;
@@ -51,7 +52,7 @@ fn run(
         physics_dt: 1.0 / (drive.frequency * f64::from(steps)),
         free_swimming: false,
     };
-    let mut fin = Fin::new(design, parameters).expect("thesis values are allowed");
+    let mut fin = BareFin::new(design, parameters).expect("thesis values are allowed");
     measure(&mut fin, &drive, periods, steps).expect("the reference grid has no failures")
 }
 
@@ -282,7 +283,7 @@ fn sampled_commands_through_the_servo_agree() {
             physics_dt: dt,
             free_swimming: false,
         };
-        let mut fin = Fin::new(design, thesis(number(&row, "E_Pa"))).expect("allowed");
+        let mut fin = BareFin::new(design, thesis(number(&row, "E_Pa"))).expect("allowed");
         // The reference has no low-pass before its servo.
         let (mut servo, ticks) = (Servo::default(), Ticks::new(dt, None));
         let (first, last) = if frequency == 2.0 { (3.0, 5.0) } else { (2.0, 5.0) };
@@ -349,7 +350,7 @@ fn frequencies(
         physics_dt: 1e-3,
         free_swimming: false,
     };
-    let fin = Fin::new(design, parameters).expect("allowed");
+    let fin = BareFin::new(design, parameters).expect("allowed");
     let straight: Vec<[f64; 2]> = (0..n).map(|i| [edge * (i as f64 - pivot as f64), 0.0]).collect();
     let still = vec![[0.0; 2]; n];
     let size = free.len();
@@ -424,7 +425,7 @@ fn energy_budget_closes() {
         };
         let parameters = thesis(number(&row, "E_Pa"));
         let flow = parameters.flow_speed;
-        let mut fin = Fin::new(design, parameters).expect("allowed");
+        let mut fin = BareFin::new(design, parameters).expect("allowed");
         let mass = parameters.water(&Geometry::thesis()).added_mass;
         let (mut power, mut thrust, mut wake, mut resistive, mut zeta) = (0.0, 0.0, 0.0, 0.0, 0.0);
         for step in 1..=5 * steps {

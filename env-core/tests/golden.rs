@@ -6,9 +6,10 @@
 
 use rodgym_core::catalog::{self, MakeOptions, make};
 use rodgym_core::env::{AutoresetMode, ResetOptions, Seeds, Spec, StepBuffer, VectorEnv};
-use rodgym_core::fin::Fin;
-use rodgym_core::pendulum::Simulation;
+use rodgym_core::fin::BareFin;
+use rodgym_core::pendulum::BarePendulum;
 use rodgym_core::seed::Stream;
+use rodgym_core::simulation::Simulation;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 
@@ -186,7 +187,7 @@ fn exact_start(
 }
 
 fn bare_pendulum(kwargs: &Value, gain: f64) -> String {
-    let mut sim = Simulation::new(&map(kwargs)).expect("allowed");
+    let mut sim = BarePendulum::new(&map(kwargs)).expect("allowed");
     let edges = sim.nodes() - 1;
     let angles: Vec<f64> = (0..edges).map(|k| 2.0 + 0.1 * k as f64).collect();
     sim.set_angles(&angles, &vec![0.5; edges]).unwrap();
@@ -209,7 +210,7 @@ fn bare_pendulum(kwargs: &Value, gain: f64) -> String {
 }
 
 fn bare_fin(kwargs: &Value) -> String {
-    let mut fin = Fin::from_keywords(&map(kwargs)).expect("allowed");
+    let mut fin = BareFin::from_keywords(&map(kwargs)).expect("allowed");
     let mut hash = Hash::new();
     for i in 0..40 {
         fin.step(0.2 * libm::sin(0.2 * f64::from(i)), 1).unwrap();

@@ -1,12 +1,13 @@
 //! The bare pendulum: steps in one go or one by one, its linear model, the thesis' controller to the letter.
 
 use nalgebra::DMatrix;
-use rodgym_core::pendulum::Simulation;
+use rodgym_core::pendulum::BarePendulum;
+use rodgym_core::simulation::Simulation;
 use serde_json::{Value, json};
 use std::f64::consts::PI;
 
-fn pendulum(kwargs: Value) -> Simulation {
-    Simulation::new(kwargs.as_object().expect("a dictionary")).expect("allowed keywords")
+fn pendulum(kwargs: Value) -> BarePendulum {
+    BarePendulum::new(kwargs.as_object().expect("a dictionary")).expect("allowed keywords")
 }
 
 #[test]
@@ -31,7 +32,7 @@ fn stiff_rods_get_the_implicit_stepper_and_small_explicit_steps_are_allowed() {
     assert_eq!(pendulum(json!({"nodes": 31})).physics_dt(), 1e-3);
     let fine = pendulum(json!({"nodes": 31, "physics_dt": 1e-4, "bending_damping": 0.0}));
     assert_eq!(fine.resolved()["stepper"], "verlet");
-    let error = Simulation::new(json!({"torque_limit": 1.0}).as_object().unwrap()).unwrap_err();
+    let error = BarePendulum::new(json!({"torque_limit": 1.0}).as_object().unwrap()).unwrap_err();
     assert!(error.to_string().contains("torque_limit"), "{error}");
 }
 

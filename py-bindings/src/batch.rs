@@ -7,8 +7,9 @@ use crate::arguments::{Actions, count, read_options, read_seeds};
 use crate::convert::{points, serialize, to_map};
 use crate::errors::{OrRaise, raise, to_py};
 use crate::render::Gallery;
+use crate::sim::Simulation;
 use numpy::{
-    PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadwriteArray2,
+    PyArray1, PyArray3, PyArrayDyn, PyArrayMethods, PyReadonlyArray1, PyReadwriteArrayDyn,
     PyUntypedArrayMethods,
 };
 use pyo3::intern;
@@ -17,7 +18,8 @@ use pyo3::sync::MutexExt;
 use pyo3::types::{PyBytes, PyDict, PyList, PyTuple};
 use rodgym_core::catalog::{self, MakeOptions};
 use rodgym_core::env::{AutoresetMode, Scene, Spec, StepBuffer, StepData, VectorEnv};
-use rodgym_core::{Error, Result};
+use rodgym_core::results::Widths;
+use rodgym_core::{Error, Result, step_fields};
 use serde_json::Value;
 use std::sync::{Mutex, MutexGuard};
 
@@ -148,7 +150,7 @@ impl Batch {
         seeds: Option<&Bound<'py, PyAny>>,
         mask: Option<PyReadonlyArray1<'py, bool>>,
         options: Option<&Bound<'py, PyAny>>,
-        out: Option<PyReadwriteArray2<'py, f32>>,
+        out: Option<PyReadwriteArrayDyn<'py, f32>>,
     ) -> PyResult<Bound<'py, PyTuple>> {
         let seeds = read_seeds(seeds)?;
         let options = read_options(options)?;
@@ -165,7 +167,7 @@ impl Batch {
         &self,
         py: Python<'py>,
         actions: &Bound<'py, PyAny>,
-        out: Option<PyReadwriteArray2<'py, f32>>,
+        out: Option<PyReadwriteArrayDyn<'py, f32>>,
     ) -> PyResult<Bound<'py, PyTuple>> {
         let expected = [self.options.num_envs, self.spec.action.size()];
         let actions = Actions::read(actions, &expected)?;
@@ -284,6 +286,11 @@ impl Batch {
         Ok((points(py, &state.positions)?, points(py, &state.velocities)?))
     }
 
+    /// An exact copy of what runs in environment `index`: stepping it leaves the environment alone.
+    fn simulation(&self, py: Python<'_>, index: usize) -> PyResult<Simulation> {
+        Ok(Simulation::of(self.lock(py)?.env.simulation(index).or_raise()?))
+    }
+
     /// Pickling keeps the state: arguments first, then one snapshot an environment.
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
         let (py, this) = (slf.py(), slf.get());
@@ -348,58 +355,48 @@ impl Batch {
         &self,
         py: Python<'py>,
         mut guard: MutexGuard<'_, Inner>,
-        out: Option<PyReadwriteArray2<'py, f32>>,
+        out: Option<PyReadwriteArrayDyn<'py, f32>>,
         call: impl FnOnce(&mut Inner, StepData<'_>) -> Result<()> + Send,
     ) -> PyResult<Bound<'py, PyTuple>> {
         let n = self.options.num_envs;
-        let d = self.spec.observation.size();
-        let k = self.spec.reward_terms.len() + self.spec.metrics.len();
-        let p = self.spec.parameters.len();
-        let mut observation = match out {
-            Some(array) if array.shape() == [n, d] && array.is_c_contiguous() => array,
-            Some(array) => {
-                return Err(to_py(Error::Shape {
-                    name: "out".into(),
-                    got: format!("{:?}", array.shape()),
-                    expected: format!("[{n}, {d}], contiguous"),
-                }));
-            }
-            None => PyArray2::zeros(py, [n, d], false).readwrite(),
-        };
-        let mut final_observation = PyArray2::<f32>::zeros(py, [n, d], false).readwrite();
-        let mut terms = PyArray2::<f64>::zeros(py, [n, k], false).readwrite();
-        let mut parameters = PyArray2::<f64>::zeros(py, [n, p], false).readwrite();
-        let mut reward = PyArray1::<f64>::zeros(py, n, false).readwrite();
-        let flags = || PyArray1::<bool>::zeros(py, n, false).readwrite();
-        let (mut terminated, mut truncated, mut stepped) = (flags(), flags(), flags());
-        let (mut began, mut solver_failure) = (flags(), flags());
-        let data = StepData {
-            observation: observation.as_slice_mut()?,
-            reward: reward.as_slice_mut()?,
-            terminated: terminated.as_slice_mut()?,
-            truncated: truncated.as_slice_mut()?,
-            final_observation: final_observation.as_slice_mut()?,
-            terms: terms.as_slice_mut()?,
-            parameters: parameters.as_slice_mut()?,
-            stepped: stepped.as_slice_mut()?,
-            began: began.as_slice_mut()?,
-            solver_failure: solver_failure.as_slice_mut()?,
-        };
-        let inner = &mut *guard;
-        py.detach(|| call(inner, data)).or_raise()?;
-        drop(guard);
-        let result = [
-            observation.as_any(),
-            reward.as_any(),
-            terminated.as_any(),
-            truncated.as_any(),
-            final_observation.as_any(),
-            terms.as_any(),
-            parameters.as_any(),
-            stepped.as_any(),
-            began.as_any(),
-            solver_failure.as_any(),
-        ];
+        let widths = Widths::of(&self.spec);
+        if let Some(array) = &out
+            && (array.shape() != [n, widths.observation] || !array.is_c_contiguous())
+        {
+            return Err(to_py(Error::Shape {
+                name: "out".into(),
+                got: format!("{:?}", array.shape()),
+                expected: format!("[{n}, {}], contiguous", widths.observation),
+            }));
+        }
+        macro_rules! shape {
+            (one) => {
+                vec![n]
+            };
+            ($width:ident) => {
+                vec![n, widths.$width]
+            };
+        }
+        // An array for every field; the observation may go where the caller wants it.
+        let mut out = out;
+        macro_rules! fill {
+            ($($(#[$doc:meta])* $field:ident: $element:ty, $width:ident;)*) => {{
+                $(let mut $field =
+                    PyArrayDyn::<$element>::zeros(py, shape!($width), false).readwrite();)*
+                let mut data = StepData { $($field: $field.as_slice_mut()?,)* };
+                if let Some(given) = &mut out {
+                    data.observation = given.as_slice_mut()?;
+                }
+                let inner = &mut *guard;
+                py.detach(|| call(inner, data)).or_raise()?;
+                drop(guard);
+                [$($field.as_any().clone()),*]
+            }};
+        }
+        let mut result = step_fields!(fill);
+        if let Some(given) = &out {
+            result[0] = given.as_any().clone();
+        }
         PyTuple::new(py, result)
     }
 }

@@ -9,7 +9,6 @@ mod baselines;
 mod batch;
 mod convert;
 mod errors;
-mod fin_sim;
 mod infos;
 mod machine;
 mod render;
@@ -27,7 +26,6 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     analysis::register(module)?;
     baselines::register(module)?;
     batch::register(module)?;
-    fin_sim::register(module)?;
     infos::register(module)?;
     machine::register(module)?;
     render::register(module)?;

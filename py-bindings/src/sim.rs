@@ -1,35 +1,39 @@
-//! The bare machines, one at a time: `rodgym.sim`.
+//! The bare machines, one at a time: `rodgym.sim`. One class for all of them.
 
 use crate::convert::{points, to_map, to_python};
 use crate::errors::{OrRaise, raise, to_py};
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::sync::MutexExt;
 use pyo3::types::{PyDict, PyTuple};
 use rodgym_core::Error;
-use rodgym_core::pendulum::{Linear, PARAMETERS, Simulation};
+use rodgym_core::catalog;
+use rodgym_core::simulation::{Named, Simulation as Machine};
 use serde_json::Value;
 use std::sync::{Mutex, MutexGuard};
 
 /// Adds this file's classes to the module.
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
-    module.add_class::<PendulumSimulation>()
+    module.add_class::<Simulation>()
 }
 
-type Matrix<'py> = Bound<'py, PyArray2<f64>>;
-type Vector<'py> = Bound<'py, PyArray1<f64>>;
-
-/// The elastic pendulum without motor limit, sensors or control step.
+/// A bare machine without sensors, task or control step.
 #[pyclass(module = "rodgym._native", frozen)]
-pub struct PendulumSimulation(Mutex<Simulation>);
+pub struct Simulation(Mutex<Box<dyn Machine>>);
 
 #[pymethods]
-impl PendulumSimulation {
+impl Simulation {
     #[new]
-    #[pyo3(signature = (kwargs=None))]
-    fn new(kwargs: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+    #[pyo3(signature = (machine, kwargs=None))]
+    fn new(machine: &str, kwargs: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
         let given = kwargs.map_or_else(|| Ok(Default::default()), to_map)?;
-        Ok(PendulumSimulation(Mutex::new(Simulation::new(&given).or_raise()?)))
+        Ok(Simulation::of(catalog::simulation(machine, &given).or_raise()?))
+    }
+
+    /// The word that the machine is looked up by.
+    #[getter]
+    fn machine(&self, py: Python<'_>) -> PyResult<&'static str> {
+        Ok(self.lock(py)?.machine())
     }
 
     /// Keywords with their values, defaults filled in.
@@ -38,14 +42,10 @@ impl PendulumSimulation {
         to_python(py, &Value::Object(self.lock(py)?.resolved()))
     }
 
-    /// The rod's parameters by name.
+    /// Physical parameters by name.
     #[getter]
     fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let dict = PyDict::new(py);
-        for (parameter, value) in PARAMETERS.iter().zip(self.lock(py)?.parameters()) {
-            dict.set_item(parameter.name, value)?;
-        }
-        Ok(dict)
+        table(py, self.lock(py)?.parameters())
     }
 
     /// Simulated time since the state was set [s].
@@ -72,18 +72,6 @@ impl PendulumSimulation {
         points(py, &self.lock(py)?.state().velocities)
     }
 
-    /// Angles of the edges from hanging [rad], (nodes - 1).
-    #[getter]
-    fn angles<'py>(&self, py: Python<'py>) -> PyResult<Vector<'py>> {
-        Ok(PyArray1::from_vec(py, self.lock(py)?.angles()))
-    }
-
-    /// Rates of the edges' angles [rad/s], (nodes - 1).
-    #[getter]
-    fn rates<'py>(&self, py: Python<'py>) -> PyResult<Vector<'py>> {
-        Ok(PyArray1::from_vec(py, self.lock(py)?.rates()))
-    }
-
     /// Sets positions and velocities of all nodes, each (nodes, 2) [m, m/s]; the time goes back to 0.
     fn set_state(
         &self,
@@ -95,54 +83,56 @@ impl PendulumSimulation {
         self.lock(py)?.set_state(&x, &v).or_raise()
     }
 
-    /// Sets angles [rad] and rates [rad/s] of all edges; the time goes back to 0.
-    fn set_angles(&self, py: Python<'_>, angles: Vec<f64>, rates: Vec<f64>) -> PyResult<()> {
-        self.lock(py)?.set_angles(&angles, &rates).or_raise()
-    }
-
-    /// `n` physics steps under a constant base torque [N m].
-    fn step(&self, py: Python<'_>, torque: f64, n: u64) -> PyResult<()> {
+    /// `n` physics steps under a constant input: a pendulum's base torque [N m], a fin's pitch [rad].
+    fn step(&self, py: Python<'_>, input: f64, n: u64) -> PyResult<()> {
         let mut guard = self.lock(py)?;
-        let sim = &mut *guard;
-        in_parts(py, n, |part| sim.step(torque, part))
+        in_parts(py, &mut guard, n, |machine, part| machine.step(input, part))
     }
 
-    /// `n` physics steps under a linear law of the new state, solved within the implicit step.
-    fn step_feedback(&self, py: Python<'_>, constant: f64, gain: Vec<f64>, n: u64) -> PyResult<()> {
-        let mut guard = self.lock(py)?;
-        let sim = &mut *guard;
-        in_parts(py, n, |part| sim.step_feedback(constant, &gain, part))
-    }
-
-    /// Energies by kind [J].
+    /// Energies by kind [J], and their total.
     fn energy<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let energy = self.lock(py)?.energy();
-        let dict = PyDict::new(py);
-        dict.set_item("kinetic", energy.kinetic)?;
-        dict.set_item("stretch", energy.stretch)?;
-        dict.set_item("bend", energy.bend)?;
-        dict.set_item("gravity", energy.gravity)?;
-        dict.set_item("total", energy.total())?;
+        let energies = self.lock(py)?.energies();
+        let total: f64 = energies.iter().map(|(_, energy)| energy).sum();
+        let dict = table(py, energies)?;
+        dict.set_item("total", total)?;
         Ok(dict)
     }
 
-    /// Matrices A, B, C of the motion near the present state and `torque`.
-    fn linearize<'py>(
+    /// What this machine alone can tell, by one of its own words: numbers and arrays by name.
+    #[pyo3(signature = (question, arguments=vec![]))]
+    fn ask<'py>(
         &self,
         py: Python<'py>,
-        torque: f64,
-    ) -> PyResult<(Matrix<'py>, Matrix<'py>, Matrix<'py>)> {
-        let Linear { states, outputs, a, b, c } = self.lock(py)?.linearize(torque);
-        let matrix =
-            |values, rows, columns| PyArray1::from_vec(py, values).reshape([rows, columns]);
-        Ok((matrix(a, states, states)?, matrix(b, states, 1)?, matrix(c, outputs, states)?))
+        question: &str,
+        arguments: Vec<Vec<f64>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let guard = self.lock(py)?;
+        named(py, guard.ask(question, &arguments).or_raise()?)
+    }
+
+    /// What this machine alone can do, by one of its own words; where it steps, `n` physics steps of it.
+    #[pyo3(signature = (command, arguments, n=0))]
+    fn act<'py>(
+        &self,
+        py: Python<'py>,
+        command: &str,
+        arguments: Vec<Vec<f64>>,
+        n: u64,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let mut guard = self.lock(py)?;
+        let mut told = vec![];
+        in_parts(py, &mut guard, n, |machine, part| {
+            told = machine.act(command, &arguments, part)?;
+            Ok(())
+        })?;
+        named(py, told)
     }
 
     /// Pickling keeps the state: keywords first, then every number that the future depends on.
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
         let (py, this) = (slf.py(), slf.get());
         let state = this.lock(py)?.snapshot();
-        (slf.get_type(), (this.config(py)?,), state).into_pyobject(py)
+        (slf.get_type(), (this.machine(py)?, this.config(py)?), state).into_pyobject(py)
     }
 
     fn __setstate__(&self, py: Python<'_>, state: (Vec<f64>, u64)) -> PyResult<()> {
@@ -151,43 +141,80 @@ impl PendulumSimulation {
 
     /// An independent copy, as it is now.
     fn copy(&self, py: Python<'_>) -> PyResult<Self> {
-        Ok(PendulumSimulation(Mutex::new(self.lock(py)?.clone())))
+        Ok(Simulation::of(self.lock(py)?.copy()))
     }
 }
 
-impl PendulumSimulation {
-    /// The simulation, waiting without the GIL while another thread steps it.
-    fn lock(&self, py: Python<'_>) -> PyResult<MutexGuard<'_, Simulation>> {
+impl Simulation {
+    /// A machine as Python has it.
+    pub fn of(machine: Box<dyn Machine>) -> Self {
+        Simulation(Mutex::new(machine))
+    }
+
+    /// The machine, waiting without the GIL while another thread steps it.
+    fn lock(&self, py: Python<'_>) -> PyResult<MutexGuard<'_, Box<dyn Machine>>> {
         self.0.lock_py_attached(py).map_err(|_| {
             raise("RodgymError", "this simulation is not usable: an earlier call ended in a panic")
         })
     }
 }
 
-/// Physics steps between two looks at Ctrl-C: some milliseconds.
-const PART: u64 = 1000;
+/// How long the parts are between two looks at Ctrl-C.
+const LOOK: std::time::Duration = std::time::Duration::from_millis(20);
 
-/// Takes `n` steps without the GIL, in parts; Ctrl-C ends them after the part in which it came.
-pub fn in_parts(
+/// Takes `n` steps without the GIL, in parts. After Ctrl-C the machine is as it was before the first.
+fn in_parts(
     py: Python<'_>,
+    machine: &mut Box<dyn Machine>,
     n: u64,
-    mut step: impl FnMut(u64) -> rodgym_core::Result<()> + Send,
+    mut step: impl FnMut(&mut dyn Machine, u64) -> rodgym_core::Result<()> + Send,
 ) -> PyResult<()> {
-    let mut left = n;
+    let before = (n > 1).then(|| machine.copy());
+    let (mut left, mut part) = (n, 1);
     loop {
-        let part = left.min(PART);
-        // (No step at all still refuses a torque that is none.)
-        py.detach(|| step(part)).or_raise()?;
+        part = left.min(part);
+        let began = std::time::Instant::now();
+        // (No step at all still refuses an input that is none.)
+        py.detach(|| step(machine.as_mut(), part)).or_raise()?;
         left -= part;
         if left == 0 {
             return Ok(());
         }
-        py.check_signals()?;
+        if let Err(interrupt) = py.check_signals() {
+            if let Some(before) = before {
+                *machine = before;
+            }
+            return Err(interrupt);
+        }
+        if began.elapsed() < LOOK {
+            part *= 2;
+        }
     }
 }
 
+/// Names and values as a dictionary.
+fn table<'py>(py: Python<'py>, values: Vec<(&'static str, f64)>) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    for (name, value) in values {
+        dict.set_item(name, value)?;
+    }
+    Ok(dict)
+}
+
+/// Named numbers as a dictionary: floats, or arrays of their shape.
+fn named<'py>(py: Python<'py>, values: Vec<Named>) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    for Named { name, shape, values } in values {
+        match shape.is_empty() {
+            true => dict.set_item(name, values[0])?,
+            false => dict.set_item(name, PyArray1::from_vec(py, values).reshape(shape)?)?,
+        }
+    }
+    Ok(dict)
+}
+
 /// Rows (x, y) of an array of shape (nodes, 2).
-pub fn pairs(name: &str, array: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<[f64; 2]>> {
+fn pairs(name: &str, array: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<[f64; 2]>> {
     let view = array.as_array();
     if view.ncols() != 2 {
         return Err(to_py(Error::Shape {

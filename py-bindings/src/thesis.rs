@@ -8,7 +8,8 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rodgym_baselines::Error;
 use rodgym_baselines::pendulum::{ProcessNoise, RodDesign, ThesisDesign, ThesisRun};
-use rodgym_core::pendulum::Simulation;
+use rodgym_core::pendulum::BarePendulum;
+use rodgym_core::simulation::Simulation;
 use serde_json::json;
 
 /// Adds this file's functions to the module.
@@ -67,7 +68,7 @@ fn thesis_run<'py>(
     }
     let mut keywords = keywords(rod)?;
     keywords.entry("thesis").or_insert(json!(true));
-    let mut sim = Simulation::new(&keywords).or_raise()?;
+    let mut sim = BarePendulum::new(&keywords).or_raise()?;
     let design = RodDesign::from_config(&sim.resolved())
         .and_then(|rod| ThesisDesign::new(&rod, noise))
         .map_err(raise_baseline)?;
@@ -95,7 +96,7 @@ fn thesis_run<'py>(
 
 /// Steps until the end or until the solver gives up.
 fn record(
-    sim: &mut Simulation,
+    sim: &mut BarePendulum,
     mut run: ThesisRun,
     steps: usize,
     every: usize,

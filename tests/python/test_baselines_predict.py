@@ -21,7 +21,12 @@ def stand_in(size=3 * EDGES, **changes):
     """What `for_env` reads of an environment, without its physics."""
     space = Box(-np.inf, np.inf, (size,), np.float32)
     numbers = {"low": [-1.0] * size, "high": [1.0] * size, "names": ["?"] * size}
-    spec = {"id": "?", "machine": "pendulum", "config": {**CONFIG, **changes}, "observation": numbers}
+    spec = {
+        "id": "?",
+        "machine": "pendulum",
+        "config": {**CONFIG, **changes},
+        "observation": numbers,
+    }
     return SimpleNamespace(core_spec=spec, observation_space=space)
 
 

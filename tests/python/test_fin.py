@@ -117,7 +117,7 @@ def test_a_fin_is_not_a_pendulum():
     with pytest.raises(ParameterError, match="one environment of rodgym with a fin"):
         rodgym.sim.Fin.of(gym.make_vec(THRUST, num_envs=2))
     for name in ("FinThrust-v0", "FinSwim-v0", "FinEfficiency-v0"):
-        with pytest.raises(ParameterError, match=r"lqr cannot control .* a fin's"):
+        with pytest.raises(ParameterError, match=r"lqr cannot control .* this one is a 'fin'"):
             Lqr.for_env(gym.make(f"rodgym/{name}"))
 
 

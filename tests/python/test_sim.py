@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import pickle
 import signal
+import time
 
 import gymnasium as gym
 import numpy as np
@@ -200,17 +201,64 @@ def test_bad_arguments_change_nothing(call, error, named):
     assert rod.time == before[2]
 
 
-def test_ctrl_c_ends_a_long_run_and_keeps_what_it_has():
-    rod = Pendulum()
+def interrupted(seconds, call):
+    """Calls with a Ctrl-C that comes after so many seconds; how long it took to act."""
     before = signal.signal(signal.SIGALRM, signal.default_int_handler)
-    signal.setitimer(signal.ITIMER_REAL, 0.2)
+    began = time.monotonic()
+    signal.setitimer(signal.ITIMER_REAL, seconds)
     try:
         with pytest.raises(KeyboardInterrupt):
-            rod.step(0.01, n=10**12)
+            call()
     finally:
         signal.signal(signal.SIGALRM, before)
-    steps = round(rod.time / rod.physics_dt)
-    twin = Pendulum()
-    twin.step(0.01, n=steps)
-    assert steps > 0
-    assert np.array_equal(rod.positions, twin.positions)
+    return time.monotonic() - began - seconds
+
+
+@pytest.mark.parametrize("nodes", [7, 1001])
+def test_ctrl_c_ends_a_long_run_and_leaves_the_state_before_it(nodes):
+    rod = Pendulum(nodes=nodes, stepper="implicit", physics_dt=1e-3)
+    rod.step(0.01, n=3)
+    kept = rod.positions
+    # Looks are some 20 ms apart; the bound allows for a busy machine.
+    assert interrupted(0.2, lambda: rod.step(0.01, n=10**12)) < 5
+    assert np.array_equal(rod.positions, kept) and rod.time == pytest.approx(3e-3)
+    rod.step(0.01, n=2)
+    assert rod.time == pytest.approx(5e-3)
+
+
+@pytest.mark.parametrize("stepper", ["verlet", "implicit", "backward_euler"])
+@pytest.mark.parametrize("members", [1, 9])
+def test_the_rod_of_an_environment_goes_on_with_its_bits(stepper, members):
+    # What the stepper remembers (carried accelerations, first guesses) comes along.
+    keywords = {"stepper": stepper, "physics_dt": 2e-4 if stepper == "verlet" else 1e-3}
+    batch = gym.make_vec("rodgym/PendulumSwingUp-v0", num_envs=members, **keywords)
+    batch.reset(seed=3)
+    rng = np.random.default_rng(0)
+    for _ in range(7):
+        batch.step(rng.uniform(-1, 1, (members, 1)).astype(np.float32))
+    env = batch.unwrapped.members[members - 1]
+    rod = env.rod
+    action = np.full((members, 1), 0.4, np.float32)
+    batch.step(action)
+    rod.step(float(action[0, 0]) * env.parameters["torque_limit"], n=round(0.01 / rod.physics_dt))
+    assert np.array_equal(rod.positions, env.positions)
+    assert np.array_equal(rod.velocities, env.velocities)
+
+
+@pytest.mark.parametrize("stepper", ["bdf2", "backward_euler"])
+@pytest.mark.parametrize("env_id", ["rodgym/FinThrust-v0", "rodgym/FinSwim-v0"])
+def test_the_fin_of_an_environment_goes_on_with_its_bits(env_id, stepper):
+    # The step before, the water's momentum, servo and low-pass come along.
+    env = gym.make(env_id, stepper=stepper).unwrapped
+    env.reset(seed=3)
+    rng = np.random.default_rng(0)
+    for _ in range(7):
+        env.step(rng.uniform(-1, 1, 1).astype(np.float32))
+    fin = pickle.loads(pickle.dumps(env.fin))
+    assert fin.loads["thrust"] != 0
+    action = np.array([0.4], np.float32)
+    env.step(action)
+    command = float(action[0]) * env.config["pitch_limit"]
+    fin.drive(command, n=round(env.control_dt / fin.physics_dt))
+    assert np.array_equal(fin.positions, env.positions)
+    assert np.array_equal(fin.velocities, env.velocities)

@@ -10,7 +10,9 @@ use super::{RodDesign, Weights, upright};
 use crate::error::{Error, Result};
 use crate::linalg::care;
 use nalgebra::{DMatrix, DVector};
-use rodgym_core::pendulum::Simulation;
+use rodgym_core::pendulum::BarePendulum;
+use rodgym_core::simulation::Simulation;
+
 use std::f64::consts::{PI, TAU};
 
 /// What the thesis' `kalman` call means by Q_n = 0.001; the text leaves it open.
@@ -112,7 +114,7 @@ impl ThesisRun {
     ///
     /// # Errors
     /// The implicit step failed even in its smallest parts.
-    pub fn step(&mut self, sim: &mut Simulation) -> Result<ThesisStep> {
+    pub fn step(&mut self, sim: &mut BarePendulum) -> Result<ThesisStep> {
         let (angle, rate) = base(sim);
         let stays = self.latches && self.estimate.is_some();
         if angle.abs() >= SWITCH_ANGLE && !stays {
@@ -125,7 +127,7 @@ impl ThesisRun {
         if self.observes { self.observed(sim, angle, rate) } else { self.direct(sim) }
     }
 
-    fn direct(&self, sim: &mut Simulation) -> Result<ThesisStep> {
+    fn direct(&self, sim: &mut BarePendulum) -> Result<ThesisStep> {
         let gain: Vec<f64> = self.design.regulator.iter().map(|k| -k).collect();
         sim.step_feedback(0.0, &gain, 1)?;
         let z = sim.angles().into_iter().map(from_up).chain(sim.rates());
@@ -134,7 +136,7 @@ impl ThesisRun {
     }
 
     /// Backward Euler of observer and rod together: z+ = M (z + dt L y+), M = (1 - dt (A - BK - LC))^-1.
-    fn observed(&mut self, sim: &mut Simulation, angle: f64, rate: f64) -> Result<ThesisStep> {
+    fn observed(&mut self, sim: &mut BarePendulum, angle: f64, rate: f64) -> Result<ThesisStep> {
         let design = &self.design;
         let states = design.b.len();
         let edges = states / 2;
@@ -173,6 +175,6 @@ fn from_up(angle: f64) -> f64 {
 }
 
 /// Base angle from up and base rate.
-fn base(sim: &Simulation) -> (f64, f64) {
+fn base(sim: &BarePendulum) -> (f64, f64) {
     (from_up(sim.angles()[0]), sim.rates()[0])
 }

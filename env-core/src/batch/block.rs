@@ -1,7 +1,8 @@
 //! One block of environments in lanes: a control step, a reset, a snapshot.
 
-use super::machine::{Machine, Outcome};
-use crate::env::{AutoresetMode, Scene, StepData};
+use super::machine::Machine;
+use super::task::{Outcome, Scorer};
+use crate::env::{AutoresetMode, Scene, Spec, StepData};
 use crate::error::{Error, Result};
 use crate::isa::{Isa, Kernel, dispatch};
 use crate::lane::{Mask, Real};
@@ -31,6 +32,14 @@ pub struct Block<M: Machine, R: Real> {
     returned: Vec<f32>,
 }
 
+/// What all blocks of a batch share.
+pub struct Environment<M: Machine, R: Real> {
+    pub machine: M,
+    pub task: Box<dyn Scorer<M, R>>,
+    pub spec: Spec,
+    pub rules: Rules,
+}
+
 /// How a batch runs its blocks.
 #[derive(Clone, Copy, Debug)]
 pub struct Rules {
@@ -47,10 +56,10 @@ pub struct ResetRows<'a> {
 
 impl<M: Machine, R: Real> Block<M, R> {
     /// A block whose environments have streams `first_seed`, `first_seed + 1`, ... and no episode yet.
-    pub fn new(machine: &M, used: usize, first_seed: u64) -> Self {
-        let spec = machine.spec();
+    pub fn new(env: &Environment<M, R>, used: usize, first_seed: u64) -> Self {
+        let spec = &env.spec;
         Block {
-            plant: machine.new_plant(),
+            plant: env.machine.new_plant(),
             streams: (0..R::LANES as u64).map(|i| Stream::new(first_seed + i)).collect(),
             clocks: vec![Clock::default(); R::LANES],
             used,
@@ -80,13 +89,13 @@ impl<M: Machine, R: Real> Block<M, R> {
     }
 
     /// One control step of the block; `actions` and `out` are its own rows.
-    pub fn step(&mut self, machine: &M, rules: &Rules, actions: &[f32], out: &mut StepData<'_>) {
-        dispatch(rules.isa, Step { block: self, machine, rules, actions, out });
+    pub fn step(&mut self, env: &Environment<M, R>, actions: &[f32], out: &mut StepData<'_>) {
+        dispatch(env.rules.isa, Step { block: self, env, actions, out });
     }
 
     #[inline(always)]
-    fn step_here(&mut self, machine: &M, rules: &Rules, actions: &[f32], out: &mut StepData<'_>) {
-        let spec = machine.spec();
+    fn step_here(&mut self, env: &Environment<M, R>, actions: &[f32], out: &mut StepData<'_>) {
+        let Environment { machine, task, spec, rules } = env;
         let mut active = R::Mask::splat(false);
         for lane in 0..self.used {
             let resets = self.clocks[lane].ended && rules.mode == AutoresetMode::NextStep;
@@ -103,7 +112,8 @@ impl<M: Machine, R: Real> Block<M, R> {
         }
         if active.any() {
             let Block { plant, streams, actions, outcome, .. } = self;
-            machine.step(plant, actions, active, streams, outcome);
+            outcome.failed = machine.step(plant, actions, active, streams).not();
+            task.score(rules.isa, machine, plant, outcome);
         }
         let mut starting = R::Mask::splat(false);
         for lane in 0..self.used {
@@ -117,25 +127,33 @@ impl<M: Machine, R: Real> Block<M, R> {
                 out.truncated[lane] = false;
                 out.solver_failure[lane] = false;
                 out.stepped[lane] = false;
-                self.begin(machine, lane, &M::Start::default(), out);
+                self.begin(env, lane, &M::Start::default(), out);
             }
             out.began[lane] = !active.get(lane);
         }
-        let all = R::Mask::splat(true);
-        machine.observe(&mut self.plant, all, &mut self.streams, &mut self.observation);
+        self.observe(env, R::Mask::splat(true));
         self.write_rows(starting.not(), out.observation);
         if starting.any() {
             self.write_rows(starting, out.final_observation);
             for lane in 0..self.used {
                 if starting.get(lane) {
-                    self.begin(machine, lane, &M::Start::default(), out);
+                    self.begin(env, lane, &M::Start::default(), out);
                     out.began[lane] = true;
                 }
             }
-            machine.observe(&mut self.plant, starting, &mut self.streams, &mut self.observation);
+            self.observe(env, starting);
             self.write_rows(starting, out.observation);
         }
         self.returned.copy_from_slice(out.observation);
+    }
+
+    /// Takes the observation of all lanes; noise is drawn in `lanes` only.
+    #[inline(always)]
+    fn observe(&mut self, env: &Environment<M, R>, lanes: R::Mask) {
+        let size = self.observation.len() - env.task.observation_size();
+        let (sensors, further) = self.observation.split_at_mut(size);
+        env.machine.observe(&self.plant, lanes, &mut self.streams, sensors);
+        env.task.observe(env.rules.isa, &self.plant, further);
     }
 
     /// Counts a step that was taken and says what came of it.
@@ -161,21 +179,27 @@ impl<M: Machine, R: Real> Block<M, R> {
     }
 
     /// Starts an episode in a lane and reports its parameters.
-    fn begin(&mut self, machine: &M, lane: usize, start: &M::Start, out: &mut StepData<'_>) {
-        machine.begin(&mut self.plant, lane, &mut self.streams[lane], start);
+    fn begin(
+        &mut self,
+        env: &Environment<M, R>,
+        lane: usize,
+        start: &M::Start,
+        out: &mut StepData<'_>,
+    ) {
+        env.machine.begin(&mut self.plant, lane, &mut self.streams[lane], start);
         self.clocks[lane] = Clock { begun: true, ..Clock::default() };
         for slot in &mut self.actions {
             slot.set(lane, 0.0);
         }
-        let size = machine.spec().parameters.len();
+        let size = env.spec.parameters.len();
         let row = &mut out.parameters[lane * size..(lane + 1) * size];
-        machine.parameters(&self.plant, lane, row);
+        env.machine.parameters(&self.plant, lane, row);
     }
 
     /// Starts episodes where the mask is set; elsewhere the observation is the one returned last.
     pub fn reset(
         &mut self,
-        machine: &M,
+        env: &Environment<M, R>,
         rows: &ResetRows<'_>,
         seed: impl Fn(usize) -> Option<u64>,
         start: &M::Start,
@@ -194,11 +218,11 @@ impl<M: Machine, R: Real> Block<M, R> {
                 if let Some(seed) = seed(rows.first + lane) {
                     self.streams[lane] = Stream::new(seed);
                 }
-                self.begin(machine, lane, start, out);
+                self.begin(env, lane, start, out);
                 starting.set(lane, true);
             }
         }
-        machine.observe(&mut self.plant, starting, &mut self.streams, &mut self.observation);
+        self.observe(env, starting);
         out.observation.copy_from_slice(&self.returned);
         self.write_rows(starting, out.observation);
         self.returned.copy_from_slice(out.observation);
@@ -277,11 +301,11 @@ impl<M: Machine, R: Real> Block<M, R> {
     }
 
     /// What there is to draw of one environment.
-    pub fn scene(&self, machine: &M, lane: usize) -> Scene {
+    pub fn scene(&self, env: &Environment<M, R>, lane: usize) -> Scene {
         let clock = &self.clocks[lane];
         let mut scene = Scene {
-            machine: String::new(),
-            time: clock.steps as f64 * machine.spec().control_dt,
+            machine: env.spec.machine.into(),
+            time: clock.steps as f64 * env.spec.control_dt,
             steps: clock.steps,
             nodes: vec![],
             thickness: vec![],
@@ -292,7 +316,8 @@ impl<M: Machine, R: Real> Block<M, R> {
             values: Default::default(),
             arrows: Default::default(),
         };
-        machine.scene(&self.plant, lane, &mut scene);
+        env.machine.scene(&self.plant, lane, &mut scene);
+        env.task.scene(&self.plant, lane, &mut scene);
         scene
     }
 
@@ -305,8 +330,7 @@ impl<M: Machine, R: Real> Block<M, R> {
 /// A block's step as work that is compiled for each instruction set.
 struct Step<'a, 'b, M: Machine, R: Real> {
     block: &'a mut Block<M, R>,
-    machine: &'a M,
-    rules: &'a Rules,
+    env: &'a Environment<M, R>,
     actions: &'a [f32],
     out: &'a mut StepData<'b>,
 }
@@ -315,6 +339,6 @@ impl<M: Machine, R: Real> Kernel for Step<'_, '_, M, R> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
-        self.block.step_here(self.machine, self.rules, self.actions, self.out);
+        self.block.step_here(self.env, self.actions, self.out);
     }
 }

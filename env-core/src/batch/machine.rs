@@ -1,22 +1,49 @@
-//! What a plant with its task must offer so that a batch can run it.
+//! What a machine must offer so that a batch can run it.
 
-use crate::env::{NodeState, ResetOptions, Scene, Spec};
+use crate::env::{NodeState, Parameter, ResetOptions, Scene, Space};
 use crate::error::Result;
-use crate::lane::{Mask, Real};
+use crate::keywords::Keyword;
+use crate::lane::Real;
 use crate::seed::Stream;
+use crate::simulation::Simulation;
+use serde_json::{Map, Value};
 
-/// A machine (rod, sensors, actuator) with a task (reward, start, end). One value of this type serves a
-/// whole batch; what differs between environments is in the plants.
+/// A machine as its keywords have it: plant, sensors, start. One value of this type serves a whole batch;
+/// what differs between environments is in the plants. What is asked of it is a `Task`.
 ///
 /// Methods marked *hot* run inside a vector kernel: implement them `#[inline(always)]`.
-pub trait Machine: Send + Sync + Sized + 'static {
+pub trait Machine: Clone + Send + Sync + Sized + 'static {
+    /// The word that everything about this machine is looked up by.
+    const NAME: &'static str;
+    /// Names of the numbers that it reports at every step, whatever the task.
+    const METRICS: &'static [&'static str];
+    /// Its keywords beside the physical parameters.
+    const KEYWORDS: &'static [Keyword];
+    /// What a task asks of it beside the user's keywords.
+    type Setup: Default;
     /// `R::LANES` environments side by side: parameters, state, memory for the steppers.
     type Plant<R: Real>: Clone + Send;
     /// Checked reset options.
     type Start: Send + Sync + Default;
 
-    /// What users can ask.
-    fn spec(&self) -> &Spec;
+    /// The machine of a task and the user's keywords.
+    ///
+    /// # Errors
+    /// Unknown keywords, values outside their ranges.
+    fn new(setup: &Self::Setup, given: &Map<String, Value>) -> Result<Self>;
+    /// What its sensors show.
+    fn observation(&self) -> Space;
+    /// What it is told.
+    fn action(&self) -> Space;
+    /// Physical parameters of an episode.
+    fn parameter_table(&self) -> &[Parameter];
+    /// Every keyword with its value as resolved.
+    fn resolved(&self) -> &Map<String, Value>;
+    /// Duration of a control step \[s\].
+    fn control_dt(&self) -> f64;
+    /// Duration of a physics step \[s\].
+    fn physics_dt(&self) -> f64;
+
     /// A plant whose lanes all hold a valid state with default parameters.
     fn new_plant<R: Real>(&self) -> Self::Plant<R>;
     /// Checks reset options before anything changes.
@@ -29,20 +56,22 @@ pub trait Machine: Send + Sync + Sized + 'static {
         stream: &mut Stream,
         start: &Self::Start,
     );
-    /// *Hot.* One control step of all lanes. `actions` are finite and clipped, one value a component.
-    /// Streams advance only in `active` lanes; what happens to the others does not matter.
+    /// *Hot.* One control step of all lanes; returns where the solver succeeded. `actions` are finite and
+    /// clipped, one value a component. Streams advance only in `active` lanes; what happens to the others
+    /// does not matter.
     fn step<R: Real>(
         &self,
         plant: &mut Self::Plant<R>,
         actions: &[R],
         active: R::Mask,
         streams: &mut [Stream],
-        out: &mut Outcome<R>,
-    );
-    /// *Hot.* Writes the observation of all lanes; noise is drawn in `lanes` only.
+    ) -> R::Mask;
+    /// *Hot.* Writes the metrics after a step.
+    fn metrics<R: Real>(&self, plant: &Self::Plant<R>, metrics: &mut [R]);
+    /// *Hot.* Writes what the sensors show in all lanes; noise is drawn in `lanes` only.
     fn observe<R: Real>(
         &self,
-        plant: &mut Self::Plant<R>,
+        plant: &Self::Plant<R>,
         lanes: R::Mask,
         streams: &mut [Stream],
         observation: &mut [R],
@@ -53,35 +82,17 @@ pub trait Machine: Send + Sync + Sized + 'static {
     fn numbers<R: Real>(plant: &Self::Plant<R>, f: &mut dyn FnMut(R)) {
         Self::visit(&mut plant.clone(), &mut |x| f(*x));
     }
-    /// Writes the parameters in force in a lane, in the order of the spec.
+    /// Writes the parameters in force in a lane, in the order of the table.
     fn parameters<R: Real>(&self, plant: &Self::Plant<R>, lane: usize, out: &mut [f64]);
     /// Fills in what there is to draw; clock, action and reward are the caller's.
     fn scene<R: Real>(&self, plant: &Self::Plant<R>, lane: usize, scene: &mut Scene);
     /// Positions and velocities of a lane.
     fn nodes<R: Real>(&self, plant: &Self::Plant<R>, lane: usize) -> NodeState;
-}
-
-/// What a step says beside the observation.
-#[derive(Clone, Debug)]
-pub struct Outcome<R: Real> {
-    /// Reward.
-    pub reward: R,
-    /// Where the task ended the episode.
-    pub terminated: R::Mask,
-    /// Where the solver gave up.
-    pub failed: R::Mask,
-    /// Reward terms, then metrics, as the spec names them.
-    pub terms: Vec<R>,
-}
-
-impl<R: Real> Outcome<R> {
-    /// Memory for the given number of terms and metrics.
-    pub fn new(terms: usize) -> Self {
-        Outcome {
-            reward: R::zero(),
-            terminated: R::Mask::splat(false),
-            failed: R::Mask::splat(false),
-            terms: vec![R::zero(); terms],
-        }
-    }
+    /// The machine by itself, from the keywords that concern its body.
+    ///
+    /// # Errors
+    /// Unknown keywords, values outside their ranges.
+    fn bare(given: &Map<String, Value>) -> Result<Box<dyn Simulation>>;
+    /// An exact copy of what runs in a lane: the next step of both has the same bits.
+    fn simulation<R: Real>(&self, plant: &Self::Plant<R>, lane: usize) -> Box<dyn Simulation>;
 }

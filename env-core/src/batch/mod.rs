@@ -6,18 +6,22 @@
 mod block;
 mod machine;
 mod pool;
-mod rows;
+mod task;
 
-pub use machine::{Machine, Outcome};
+pub use machine::Machine;
+pub use task::{Outcome, Scorer, Task};
 
+use crate::catalog::Entry;
 use crate::env::{AutoresetMode, NodeState, ResetOptions, Scene, Seeds, Spec, StepData, VectorEnv};
 use crate::error::{Error, Result};
 use crate::isa::{ForLanes, Isa, with_lanes};
 use crate::lane::Real;
+use crate::results::{Rows, Widths, check_length};
+use crate::simulation::Simulation;
 use crate::snapshot::Snapshot;
-use block::{Block, ResetRows, Rules};
+use block::{Block, Environment, ResetRows, Rules};
 use pool::Pool;
-use rows::Rows;
+use serde_json::{Map, Value};
 
 /// Blocks a thread must have at least, or waking it costs more than it saves.
 const BLOCKS_A_THREAD: usize = 4;
@@ -28,10 +32,9 @@ pub const MAX_THREADS: usize = 256;
 
 /// A batch of environments of machine `M`, `R::LANES` to a block.
 pub struct Batch<M: Machine, R: Real> {
-    machine: M,
+    env: Environment<M, R>,
     blocks: Vec<Block<M, R>>,
     num_envs: usize,
-    rules: Rules,
     threads: usize,
     pool: Option<Pool>,
 }
@@ -46,34 +49,80 @@ pub struct BatchOptions {
     pub num_threads: usize,
 }
 
-/// Makes a batch with the number of lanes that suits its size and the machine.
-pub fn make<M: Machine>(machine: M, options: &BatchOptions) -> Result<Box<dyn VectorEnv>> {
+/// Makes a batch of a task's environments with the number of lanes that suits its size and the processor.
+///
+/// # Errors
+/// A keyword or an option that is refused.
+pub fn make<T: Task>(
+    entry: &Entry,
+    task: &T,
+    given: &Map<String, Value>,
+    options: &BatchOptions,
+) -> Result<Box<dyn VectorEnv>> {
     check_count("num_envs", options.num_envs, MAX_ENVS)?;
     check_count("num_threads", options.num_threads, MAX_THREADS)?;
     if options.max_episode_steps == Some(0) {
         return Err(Error::parameter("max_episode_steps", 0, "at least 1"));
     }
     let isa = Isa::current()?;
-    Ok(if options.num_envs == 1 {
-        Box::new(Batch::<M, f64>::new(machine, options, Isa::Baseline))
-    } else {
-        in_lanes(machine, options, isa)
-    })
+    if options.num_envs == 1 {
+        return Ok(Box::new(Batch::<T::Machine, f64>::new(
+            entry,
+            task,
+            given,
+            options,
+            Isa::Baseline,
+        )?));
+    }
+    in_lanes(entry, task, given, options, isa)
 }
 
 /// Makes a batch in eight lanes with the given instruction set; options are taken as checked.
 ///
+/// # Errors
+/// A keyword that is refused.
+///
 /// # Panics
 /// When this machine lacks the instruction set.
-pub fn in_lanes<M: Machine>(machine: M, options: &BatchOptions, isa: Isa) -> Box<dyn VectorEnv> {
-    struct Make<'a, M>(M, &'a BatchOptions, Isa);
-    impl<M: Machine> ForLanes for Make<'_, M> {
-        type Output = Box<dyn VectorEnv>;
+pub fn in_lanes<T: Task>(
+    entry: &Entry,
+    task: &T,
+    given: &Map<String, Value>,
+    options: &BatchOptions,
+    isa: Isa,
+) -> Result<Box<dyn VectorEnv>> {
+    struct Make<'a, T>(&'a Entry, &'a T, &'a Map<String, Value>, &'a BatchOptions, Isa);
+    impl<T: Task> ForLanes for Make<'_, T> {
+        type Output = Result<Box<dyn VectorEnv>>;
         fn make<R: Real>(self) -> Self::Output {
-            Box::new(Batch::<M, R>::new(self.0, self.1, self.2))
+            let Make(entry, task, given, options, isa) = self;
+            Ok(Box::new(Batch::<T::Machine, R>::new(entry, task, given, options, isa)?))
         }
     }
-    with_lanes(isa, Make(machine, options, isa))
+    with_lanes(isa, Make(entry, task, given, options, isa))
+}
+
+/// All that users can ask of a task's environments.
+fn spec<T: Task>(entry: &Entry, machine: &T::Machine) -> Spec {
+    let mut observation = machine.observation();
+    for &(name, bound) in T::OBSERVATION {
+        observation.push(-bound, bound, name);
+    }
+    Spec {
+        id: entry.id.into(),
+        machine: T::Machine::NAME,
+        task: T::NAME,
+        observation,
+        action: machine.action(),
+        reward_terms: T::TERMS.to_vec(),
+        metrics: [T::Machine::METRICS, T::METRICS].concat(),
+        parameters: machine.parameter_table().to_vec(),
+        keywords: T::Machine::KEYWORDS.to_vec(),
+        config: machine.resolved().clone(),
+        default_max_episode_steps: entry.max_episode_steps,
+        control_dt: machine.control_dt(),
+        physics_dt: machine.physics_dt(),
+    }
 }
 
 fn check_count(name: &str, value: usize, most: usize) -> Result<()> {
@@ -85,24 +134,28 @@ fn check_count(name: &str, value: usize, most: usize) -> Result<()> {
 
 impl<M: Machine, R: Real> Batch<M, R> {
     /// A batch whose blocks use the given instruction set; options are taken as checked.
-    pub fn new(machine: M, options: &BatchOptions, isa: Isa) -> Self {
+    ///
+    /// # Errors
+    /// A keyword that is refused.
+    pub fn new<T: Task<Machine = M>>(
+        entry: &Entry,
+        task: &T,
+        given: &Map<String, Value>,
+        options: &BatchOptions,
+        isa: Isa,
+    ) -> Result<Self> {
         let n = options.num_envs;
-        let blocks = (0..n)
-            .step_by(R::LANES)
-            .map(|first| Block::new(&machine, R::LANES.min(n - first), first as u64))
-            .collect();
-        Batch {
-            machine,
-            blocks,
-            num_envs: n,
-            rules: Rules {
-                mode: options.autoreset_mode,
-                max_episode_steps: options.max_episode_steps,
-                isa,
-            },
-            threads: options.num_threads,
-            pool: None,
-        }
+        let machine = M::new(&task.setup(), given)?;
+        let rules = Rules {
+            mode: options.autoreset_mode,
+            max_episode_steps: options.max_episode_steps,
+            isa,
+        };
+        let spec = spec::<T>(entry, &machine);
+        let env = Environment { machine, task: Box::new(task.clone()), spec, rules };
+        let block = |first| Block::new(&env, R::LANES.min(n - first), first as u64);
+        let blocks = (0..n).step_by(R::LANES).map(block).collect();
+        Ok(Batch { env, blocks, num_envs: n, threads: options.num_threads, pool: None })
     }
 
     fn place(&self, index: usize) -> Result<(usize, usize)> {
@@ -110,28 +163,6 @@ impl<M: Machine, R: Real> Batch<M, R> {
             return Err(Error::Index { index, num_envs: self.num_envs });
         }
         Ok((index / R::LANES, index % R::LANES))
-    }
-
-    fn check_lengths(&self, out: &StepData<'_>) -> Result<()> {
-        let spec = self.machine.spec();
-        let (n, d) = (self.num_envs, spec.observation.size());
-        let k = spec.reward_terms.len() + spec.metrics.len();
-        let lengths = [
-            ("observation", out.observation.len(), n * d),
-            ("reward", out.reward.len(), n),
-            ("terminated", out.terminated.len(), n),
-            ("truncated", out.truncated.len(), n),
-            ("final_observation", out.final_observation.len(), n * d),
-            ("terms", out.terms.len(), n * k),
-            ("parameters", out.parameters.len(), n * spec.parameters.len()),
-            ("stepped", out.stepped.len(), n),
-            ("began", out.began.len(), n),
-            ("solver_failure", out.solver_failure.len(), n),
-        ];
-        for (name, got, expected) in lengths {
-            check_length(name, got, expected)?;
-        }
-        Ok(())
     }
 
     /// Threads that a step really uses.
@@ -150,20 +181,9 @@ fn ensure_pool(pool: &mut Option<Pool>, threads: usize) -> Result<&mut Pool> {
     Ok(pool.as_mut().expect("made above"))
 }
 
-fn check_length(name: &str, got: usize, expected: usize) -> Result<()> {
-    if got == expected {
-        return Ok(());
-    }
-    Err(Error::Shape {
-        name: name.into(),
-        got: format!("({got},)"),
-        expected: format!("({expected},)"),
-    })
-}
-
 impl<M: Machine, R: Real> VectorEnv for Batch<M, R> {
     fn spec(&self) -> &Spec {
-        self.machine.spec()
+        &self.env.spec
     }
 
     fn num_envs(&self) -> usize {
@@ -171,11 +191,11 @@ impl<M: Machine, R: Real> VectorEnv for Batch<M, R> {
     }
 
     fn autoreset_mode(&self) -> AutoresetMode {
-        self.rules.mode
+        self.env.rules.mode
     }
 
     fn max_episode_steps(&self) -> Option<u32> {
-        self.rules.max_episode_steps
+        self.env.rules.max_episode_steps
     }
 
     fn num_threads(&self) -> usize {
@@ -195,51 +215,53 @@ impl<M: Machine, R: Real> VectorEnv for Batch<M, R> {
         options: &ResetOptions,
         mut out: StepData<'_>,
     ) -> Result<()> {
-        self.check_lengths(&out)?;
+        let widths = Widths::of(&self.env.spec);
+        out.check(widths, self.num_envs)?;
         if let Some(mask) = mask {
             check_length("reset_mask", mask.len(), self.num_envs)?;
         }
         if let Seeds::Each(each) = seeds {
             check_length("seed", each.len(), self.num_envs)?;
         }
-        let start = self.machine.check(options)?;
+        let start = self.env.machine.check(options)?;
         let seed = |index: usize| match seeds {
             Seeds::Continue => None,
             Seeds::Base(base) => Some(base.wrapping_add(index as u64)),
             Seeds::Each(each) => each[index],
         };
-        let rows = Rows::new(self.spec(), &mut out);
+        let rows = Rows::new(widths, &mut out);
         for (b, block) in self.blocks.iter_mut().enumerate() {
             let first = b * R::LANES;
             // SAFETY: `out` is borrowed for as long as `rows` is used, one block at a time.
             let mut mine = unsafe { rows.of(first, block.used()) };
             let place = ResetRows { first, mask };
-            block.reset(&self.machine, &place, seed, &start, &mut mine);
+            block.reset(&self.env, &place, seed, &start, &mut mine);
         }
         Ok(())
     }
 
     fn step(&mut self, actions: &[f32], mut out: StepData<'_>) -> Result<()> {
-        self.check_lengths(&out)?;
-        let size = self.machine.spec().action.size();
+        let widths = Widths::of(&self.env.spec);
+        out.check(widths, self.num_envs)?;
+        let size = self.env.spec.action.size();
         check_length("action", actions.len(), self.num_envs * size)?;
         if let Some(at) = actions.iter().position(|a| !a.is_finite()) {
             return Err(Error::Action { index: at / size, value: actions[at] as f64 });
         }
         for (b, block) in self.blocks.iter().enumerate() {
-            if let Some(error) = block.refuses_step(&self.rules, b * R::LANES) {
+            if let Some(error) = block.refuses_step(&self.env.rules, b * R::LANES) {
                 return Err(error);
             }
         }
         let threads = self.useful_threads();
-        let rows = Rows::new(self.spec(), &mut out);
-        let (machine, rules) = (&self.machine, &self.rules);
+        let rows = Rows::new(widths, &mut out);
+        let env = &self.env;
         let step = |b: usize, block: &mut Block<M, R>| {
             let (first, count) = (b * R::LANES, block.used());
             // SAFETY: `out` is borrowed for as long as `rows` is used, and each block is stepped by one
             // thread, so nobody else holds these rows.
             let mut mine = unsafe { rows.of(first, count) };
-            block.step(machine, rules, &actions[first * size..(first + count) * size], &mut mine);
+            block.step(env, &actions[first * size..(first + count) * size], &mut mine);
         };
         if threads == 1 {
             self.blocks.iter_mut().enumerate().for_each(|(b, block)| step(b, block));
@@ -256,7 +278,7 @@ impl<M: Machine, R: Real> VectorEnv for Batch<M, R> {
 
     fn set_state(&mut self, index: usize, bytes: &[u8]) -> Result<()> {
         let (block, lane) = self.place(index)?;
-        let saved = Snapshot::decode(bytes, self.machine.spec())?;
+        let saved = Snapshot::decode(bytes, self.spec())?;
         self.blocks[block].restore(lane, &saved)
     }
 
@@ -269,18 +291,23 @@ impl<M: Machine, R: Real> VectorEnv for Batch<M, R> {
 
     fn scene(&self, index: usize) -> Result<Scene> {
         let (block, lane) = self.place(index)?;
-        Ok(self.blocks[block].scene(&self.machine, lane))
+        Ok(self.blocks[block].scene(&self.env, lane))
     }
 
     fn parameters(&self, index: usize) -> Result<Vec<f64>> {
         let (block, lane) = self.place(index)?;
         let mut values = vec![0.0; self.spec().parameters.len()];
-        self.machine.parameters(self.blocks[block].plant(), lane, &mut values);
+        self.env.machine.parameters(self.blocks[block].plant(), lane, &mut values);
         Ok(values)
     }
 
     fn nodes(&self, index: usize) -> Result<NodeState> {
         let (block, lane) = self.place(index)?;
-        Ok(self.machine.nodes(self.blocks[block].plant(), lane))
+        Ok(self.env.machine.nodes(self.blocks[block].plant(), lane))
+    }
+
+    fn simulation(&self, index: usize) -> Result<Box<dyn Simulation>> {
+        let (block, lane) = self.place(index)?;
+        Ok(self.env.machine.simulation(self.blocks[block].plant(), lane))
     }
 }

@@ -4,25 +4,24 @@ use super::geometry::Geometry;
 use super::parameters::Parameters;
 use super::plant::{Design, Scheme};
 use super::servo::Ticks;
-use crate::env::Parameter;
+use crate::draw::Draw;
 use crate::error::{Error, Result};
 use crate::fluid::Hydrodynamics;
-use crate::keywords::{Draw, Keywords, check_names, number, whole};
+use crate::keywords::{Allowed, Keyword, RANDOMIZE, Reader, check_names, number, whole};
+use crate::spec::Parameter;
 use serde_json::{Map, Value, json};
 
 /// Largest pitch \[rad\].
 #[expect(clippy::approx_constant, reason = "a bound that people type, not pi/6")]
 const PITCH_BOUND: f64 = 0.5236;
 
-/// Which task is played.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Task {
-    /// Much thrust for little power.
-    Thrust,
-    /// A demanded thrust at the least power.
-    Efficiency,
-    /// Swim forward with a hull.
-    Swim,
+/// What a task asks of the fin, unless the user asks otherwise.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Setup {
+    /// Whether the pivot is free along x and pushes a hull through water at rest.
+    pub free_swimming: bool,
+    /// Range that Young's modulus is drawn from, log-uniform, where nothing else is asked for \[Pa\].
+    pub stiffness: Option<(f64, f64)>,
 }
 
 /// Which numbers the agent sees.
@@ -34,31 +33,132 @@ pub enum Sensors {
     Camera,
 }
 
-const OTHERS: &[&str] = &[
-    "hydrodynamics",
-    "stepper",
-    "physics_dt",
-    "control_dt",
-    "pitch_limit",
-    "command_cutoff",
-    "power_weight",
-    "geometry",
-    "stiffness_profile",
-    "observation",
-    "start_pitch",
-    "demand",
-    "randomize",
-    "sensor_noise",
-    "actuator_delay",
-    "thesis",
+const fn keyword(
+    name: &'static str,
+    unit: &'static str,
+    default: &'static str,
+    allowed: Allowed,
+    doc: &'static str,
+) -> Keyword {
+    Keyword { name, unit, default, allowed, doc, bare: false }
+}
+
+const fn bare(keyword: Keyword) -> Keyword {
+    Keyword { bare: true, ..keyword }
+}
+
+/// The other keywords.
+pub const KEYWORDS: &[Keyword] = &[
+    bare(keyword(
+        "hydrodynamics",
+        "",
+        "\"lighthill\"",
+        Allowed::Choice(&["lighthill", "morison", "resistive", "air"]),
+        "forces of the water",
+    )),
+    keyword(
+        "pitch_limit",
+        "rad",
+        "0.349",
+        Allowed::Number(1e-3, PITCH_BOUND),
+        "pitch at action 1, at most 30 degrees",
+    ),
+    bare(keyword(
+        "command_cutoff",
+        "Hz",
+        "3",
+        Allowed::NumberOrNone(0.1, 100.0),
+        "cut-off of the low-pass of the command, None: no low-pass",
+    )),
+    keyword(
+        "power_weight",
+        "",
+        "1",
+        Allowed::Number(0.0, 100.0),
+        "factor of the reward's power term (0.5 with `thesis=True`)",
+    ),
+    bare(keyword(
+        "geometry",
+        "m, m^2",
+        "Table 3.1",
+        Allowed::Other("a dictionary with keys edge_length, height, pivot, widths, areas"),
+        "{\"edge_length\", \"height\", \"pivot\", \"widths\", \"areas\"}",
+    )),
+    bare(keyword(
+        "stiffness_profile",
+        "",
+        "1 at each node",
+        Allowed::Other("a list of finite numbers, one a node"),
+        "multiplies `youngs_modulus`, node by node",
+    )),
+    keyword(
+        "observation",
+        "",
+        "\"full\"",
+        Allowed::Choice(&["full", "camera"]),
+        "what the agent sees",
+    ),
+    keyword(
+        "control_dt",
+        "s",
+        "0.04",
+        Allowed::Number(1e-6, 1.0),
+        "duration of a step, a multiple of `physics_dt`",
+    ),
+    bare(keyword(
+        "physics_dt",
+        "s",
+        "chosen",
+        Allowed::Number(1e-6, 0.04),
+        "4e-3 with BDF2, 1e-3 with backward Euler",
+    )),
+    bare(keyword(
+        "stepper",
+        "",
+        "\"auto\"",
+        Allowed::Choice(&["auto", "bdf2", "backward_euler"]),
+        "auto: bdf2",
+    )),
+    keyword(
+        "start_pitch",
+        "rad",
+        "(-0.1, 0.1)",
+        Allowed::Range(-PITCH_BOUND, PITCH_BOUND),
+        "range of the start pitch",
+    ),
+    keyword(
+        "demand",
+        "N",
+        "(0.02, 0.15)",
+        Allowed::Range(1e-3, 10.0),
+        "range of the demanded thrust (Efficiency)",
+    ),
+    RANDOMIZE,
+    keyword(
+        "sensor_noise",
+        "rad, rad/s",
+        "{}",
+        Allowed::Numbers(&["angle", "rate"], 0.0, 100.0),
+        "standard deviations of the measured angles and rates",
+    ),
+    keyword(
+        "actuator_delay",
+        "s",
+        "0",
+        Allowed::Other("a multiple of physics_dt, from 0 to 10 control_dt"),
+        "by which the command lags behind the action",
+    ),
+    bare(keyword(
+        "thesis",
+        "",
+        "False",
+        Allowed::Flag,
+        "the thesis' material (8.11 MPa, damping 0.1238 kg/s) and stepper",
+    )),
 ];
 
 /// Place of `youngs_modulus` in the table.
 const STIFFNESS: usize = 0;
-/// Range of Young's modulus in `FinThrust`, about the soft fin's 2.5e5 Pa, unless a value or `randomize` is given
-/// \[Pa\]. For a fin that is known beforehand the best sinusoid is nearly the best that can be done; one that must
-/// be felt is worth controlling (docs/fin.md).
-const SOFT: (f64, f64) = (3e4, 3e6);
 
 /// Physics step of BDF2, unless asked otherwise \[s\].
 const BDF2_DT: f64 = 4e-3;
@@ -71,8 +171,6 @@ const CUTOFF: f64 = 3.0;
 /// A fin environment's configuration.
 #[derive(Clone, Debug)]
 pub struct Config {
-    /// Task to play.
-    pub task: Task,
     /// Shape, water and stepping.
     pub design: Design,
     /// How each parameter is drawn.
@@ -104,147 +202,74 @@ pub struct Config {
 }
 
 impl Config {
-    /// Reads the keywords of a task.
+    /// Reads the keywords; `setup` is what the task asks for.
     ///
     /// # Errors
     /// Unknown keywords, values outside their ranges, steps that do not divide each other.
-    pub fn new(task: Task, given: &Map<String, Value>) -> Result<Config> {
-        let table = Parameters::table_of(task);
-        let names = table.iter().map(|p| p.name).chain(OTHERS.iter().copied());
-        let keywords = Keywords::new(given, &names.collect::<Vec<_>>())?;
-        let thesis = keywords.flag("thesis", false)?;
-        let defaults = if thesis { Parameters::thesis() } else { Parameters::default() };
-        let mut values = Vec::with_capacity(table.len());
-        for (i, parameter) in table.iter().enumerate() {
-            let default = defaults.get(i).min(parameter.high);
-            values.push(keywords.parameter(parameter, default)?);
-        }
-        let mut draws = Draw::table(&keywords, &table, &values)?;
-        let drawn = task == Task::Thrust
-            && !thesis
-            && keywords.get("randomize").is_none()
-            && keywords.get(table[STIFFNESS].name).is_none();
-        if drawn {
-            draws[STIFFNESS] = Draw::LogUniform(SOFT.0, SOFT.1);
-        }
-        let models: Vec<&str> = Hydrodynamics::NAMES.iter().map(|(name, _)| *name).collect();
-        let hydrodynamics = keywords.choice("hydrodynamics", "lighthill", &models)?;
-        let default = if thesis { "backward_euler" } else { "auto" };
+    pub fn new(setup: &Setup, given: &Map<String, Value>) -> Result<Config> {
+        let table = Parameters::table_of(setup.free_swimming);
+        let mut reader = Reader::new(given, &table, KEYWORDS)?;
+        let thesis = reader.flag("thesis", false)?;
+        let usual = if thesis { Parameters::thesis() } else { Parameters::default() };
+        let row = |p: &Parameter| table.iter().position(|known| known.name == p.name);
+        let values = reader.parameters(&table, |p| {
+            usual.get(row(p).expect("it is a row of the table")).min(p.high)
+        })?;
+        let known = thesis || reader.get(table[STIFFNESS].name).is_some();
+        let soft = setup
+            .stiffness
+            .filter(|_| !known)
+            .map(|(low, high)| json!({table[STIFFNESS].name: ["log_uniform", low, high]}));
+        let draws = reader.draws(&table, &values, soft)?;
+        let hydrodynamics = Hydrodynamics::from_name(reader.choice("hydrodynamics", "lighthill")?)?;
         let scheme =
-            match keywords.choice("stepper", default, &["auto", "bdf2", "backward_euler"])? {
+            match reader.choice("stepper", if thesis { "backward_euler" } else { "auto" })? {
                 "backward_euler" => Scheme::BackwardEuler,
                 _ => Scheme::Bdf2,
             };
-        let control_dt = keywords.number("control_dt", 0.04, 1e-6, 1.0)?;
+        reader.note("stepper", if scheme == Scheme::Bdf2 { "bdf2" } else { "backward_euler" });
+        let control_dt = reader.number("control_dt", 0.04)?;
         let usual = if scheme == Scheme::Bdf2 { BDF2_DT } else { EULER_DT };
         // The small reduction keeps an exact quotient from being rounded up.
         let divided = control_dt / libm::ceil(control_dt / usual - 1e-9);
-        let physics_dt = keywords.number("physics_dt", divided, 1e-6, 0.04)?;
+        let physics_dt = reader.number("physics_dt", divided)?;
         let substeps = whole("control_dt", control_dt, physics_dt)?;
-        let delay = keywords.number("actuator_delay", 0.0, 0.0, 10.0 * control_dt)?;
-        let command_cutoff = cutoff(given)?;
+        let delay = reader.number_within("actuator_delay", 0.0, 0.0, 10.0 * control_dt)?;
+        let delay = whole("actuator_delay", delay, physics_dt)?;
+        reader.note("actuator_delay", delay as f64 * physics_dt);
+        let command_cutoff = reader.number_or_none("command_cutoff", CUTOFF)?;
         // The thesis' fin is stiff and damped: at the usual price of power it earns nothing whatever it does.
         let weight = if thesis { 0.5 } else { 1.0 };
-        let noise = keywords.numbers("sensor_noise", &["angle", "rate"], 0.0, 100.0)?;
-        let design = Design {
-            geometry: geometry(&keywords)?,
-            hydrodynamics: Hydrodynamics::from_name(hydrodynamics)?,
-            scheme,
-            physics_dt,
-            free_swimming: task == Task::Swim,
-        };
+        let geometry = read_geometry(&mut reader)?;
+        let free_swimming = setup.free_swimming;
+        let design = Design { geometry, hydrodynamics, scheme, physics_dt, free_swimming };
         design.check()?;
-        let config = Config {
-            task,
+        Ok(Config {
             design,
             draws,
-            sensors: match keywords.choice("observation", "full", &["full", "camera"])? {
+            sensors: match reader.choice("observation", "full")? {
                 "full" => Sensors::Full,
                 _ => Sensors::Camera,
             },
             control_dt,
             substeps,
-            pitch_limit: keywords.number("pitch_limit", 20f64.to_radians(), 1e-3, PITCH_BOUND)?,
+            pitch_limit: reader.number("pitch_limit", 20f64.to_radians())?,
             command_cutoff,
             ticks: Ticks::new(physics_dt, command_cutoff),
-            power_weight: keywords.number("power_weight", weight, 0.0, 100.0)?,
-            start_pitch: keywords.range("start_pitch", (-0.1, 0.1), (-PITCH_BOUND, PITCH_BOUND))?,
-            demand: keywords.range("demand", (0.02, 0.15), (1e-3, 10.0))?,
-            noise: [noise[0], noise[1]],
-            delay: whole("actuator_delay", delay, physics_dt)?,
-            resolved: Map::new(),
-        };
-        Ok(config.with_resolved(&table, &values, given, thesis))
-    }
-
-    fn with_resolved(
-        mut self,
-        table: &[Parameter],
-        values: &[f64],
-        given: &Map<String, Value>,
-        thesis: bool,
-    ) -> Self {
-        let geometry = &self.design.geometry;
-        let scheme = if self.design.scheme == Scheme::Bdf2 { "bdf2" } else { "backward_euler" };
-        let sensors = if self.sensors == Sensors::Full { "full" } else { "camera" };
-        let randomize = match given.get("randomize").filter(|value| !value.is_null()) {
-            Some(value) => value.clone(),
-            None if matches!(self.draws[STIFFNESS], Draw::LogUniform(..)) => {
-                json!({table[STIFFNESS].name: ["log_uniform", SOFT.0, SOFT.1]})
-            }
-            None => json!({}),
-        };
-        let others = json!({
-            "hydrodynamics": self.design.hydrodynamics.name(),
-            "stepper": scheme,
-            "physics_dt": self.design.physics_dt,
-            "control_dt": self.control_dt,
-            "pitch_limit": self.pitch_limit,
-            "command_cutoff": self.command_cutoff,
-            "power_weight": self.power_weight,
-            "geometry": {
-                "edge_length": geometry.edge_length,
-                "height": geometry.height,
-                "pivot": geometry.pivot,
-                "widths": geometry.widths,
-                "areas": geometry.areas,
-            },
-            "stiffness_profile": geometry.stiffness,
-            "observation": sensors,
-            "start_pitch": [self.start_pitch.0, self.start_pitch.1],
-            "demand": [self.demand.0, self.demand.1],
-            "randomize": randomize,
-            "sensor_noise": {"angle": self.noise[0], "rate": self.noise[1]},
-            "actuator_delay": self.delay as f64 * self.design.physics_dt,
-            "thesis": thesis,
-        });
-        for (parameter, value) in table.iter().zip(values) {
-            self.resolved.insert(parameter.name.into(), json!(value));
-        }
-        if let Value::Object(others) = others {
-            self.resolved.extend(others);
-        }
-        self
-    }
-}
-
-/// Cut-off of the low-pass \[Hz\]: 3 Hz, unless it is given; given as null there is none.
-fn cutoff(given: &Map<String, Value>) -> Result<Option<f64>> {
-    match given.get("command_cutoff") {
-        None => Ok(Some(CUTOFF)),
-        Some(Value::Null) => Ok(None),
-        Some(value) => {
-            let fits = value.as_f64().filter(|f| (0.1..=100.0).contains(f));
-            let allowed = "a number from 0.1 to 100, or None for no low-pass";
-            fits.map(Some).ok_or_else(|| Error::parameter("command_cutoff", value, allowed))
-        }
+            power_weight: reader.number("power_weight", weight)?,
+            start_pitch: reader.range("start_pitch", (-0.1, 0.1))?,
+            demand: reader.range("demand", (0.02, 0.15))?,
+            noise: reader.numbers("sensor_noise")?,
+            delay,
+            resolved: reader.resolved(),
+        })
     }
 }
 
 /// The shape: Table 3.1, or the columns of the keyword `geometry`, with `stiffness_profile`.
-fn geometry(keywords: &Keywords<'_>) -> Result<Geometry> {
+fn read_geometry(reader: &mut Reader<'_>) -> Result<Geometry> {
     let mut geometry = Geometry::thesis();
-    if let Some(value) = keywords.get("geometry") {
+    if let Some(value) = reader.get("geometry") {
         let known = ["edge_length", "height", "pivot", "widths", "areas"];
         let allowed = format!("a dictionary with keys {}", known.join(", "));
         let map = value.as_object().ok_or_else(|| Error::parameter("geometry", value, allowed))?;
@@ -270,9 +295,20 @@ fn geometry(keywords: &Keywords<'_>) -> Result<Geometry> {
             geometry.areas = column(&name("areas"), value)?;
         }
     }
-    if let Some(value) = keywords.get("stiffness_profile") {
+    if let Some(value) = reader.get("stiffness_profile") {
         geometry.stiffness = column("stiffness_profile", value)?;
     }
+    reader.note(
+        "geometry",
+        json!({
+            "edge_length": geometry.edge_length,
+            "height": geometry.height,
+            "pivot": geometry.pivot,
+            "widths": geometry.widths,
+            "areas": geometry.areas,
+        }),
+    );
+    reader.note("stiffness_profile", json!(geometry.stiffness));
     Ok(geometry)
 }
 

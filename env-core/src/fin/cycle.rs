@@ -1,8 +1,9 @@
 //! A fin driven periodically, and what one period of it yields: the measurements of chapter 3.
 
 use super::geometry::Geometry;
-use super::sim::Fin;
+use super::sim::BareFin;
 use crate::error::Result;
+use crate::simulation::Simulation;
 use std::f64::consts::TAU;
 
 /// Shape of a periodic pitch command, between -1 and 1.
@@ -97,7 +98,12 @@ pub struct Cycle {
 ///
 /// # Errors
 /// A step that cannot be solved.
-pub fn measure(fin: &mut Fin, drive: &Drive, periods: u32, steps_per_period: u32) -> Result<Cycle> {
+pub fn measure(
+    fin: &mut BareFin,
+    drive: &Drive,
+    periods: u32,
+    steps_per_period: u32,
+) -> Result<Cycle> {
     let dt = 1.0 / (drive.frequency * f64::from(steps_per_period));
     for step in 1..=(periods - 1) * steps_per_period {
         fin.step(drive.pitch(f64::from(step) * dt), 1)?;
@@ -137,7 +143,7 @@ pub fn measure(fin: &mut Fin, drive: &Drive, periods: u32, steps_per_period: u32
     let bound =
         |pick: fn(f64, f64) -> f64, start: f64| cycle.tail_trace.iter().copied().fold(start, pick);
     cycle.wake_width = bound(f64::max, f64::NEG_INFINITY) - bound(f64::min, f64::INFINITY);
-    let flow = fin.parameters().flow_speed;
+    let flow = fin.material().flow_speed;
     cycle.efficiency = flow * cycle.thrust / cycle.power;
     cycle.strouhal = drive.frequency * cycle.wake_width / flow;
     cycle.thrust_coefficient = thrust_coefficient(cycle.thrust, flow, &geometry);

@@ -1,66 +1,88 @@
-//! The fin environments, for `batch::Batch`.
+//! The fin as a machine that a batch can run.
 
-use super::config::{Config, Task};
-use super::parameters::Parameters;
+use super::config::{self, Config, Setup};
+use super::parameters::{Parameters, WATER_DENSITY};
 use super::rig::{Rig, Start};
-use super::{sensors, task};
-use crate::batch::{Machine, Outcome};
-use crate::catalog::Entry;
-use crate::env::{NodeState, ResetOptions, Scene, Space, Spec};
+use super::sensors;
+use super::sim::BareFin;
+use crate::batch::Machine;
+use crate::draw::exact_parameters;
+use crate::env::{NodeState, Parameter, ResetOptions, Scene, Space};
 use crate::error::{Error, Result};
 use crate::fluid::{reactive, resistive};
-use crate::keywords::exact_parameters;
-use crate::lane::{Mask, Real};
+use crate::keywords::Keyword;
+use crate::lane::Real;
 use crate::rod::curvature;
 use crate::seed::Stream;
+use crate::simulation::Simulation;
 use crate::vec2::Vec2;
 use serde_json::{Map, Value, json};
 
-/// A fin with its task.
+/// Work of the servo since the episode began below which no efficiency is told \[J\]: that of a fin which hardly
+/// moves is drag over nothing.
+const LEAST_WORK: f64 = 1e-3;
+
+/// The fin as its keywords have it.
 #[derive(Clone, Debug)]
-pub struct FinTask {
+pub struct Fin {
     config: Config,
-    spec: Spec,
+    table: [Parameter; Parameters::COUNT],
 }
 
-impl FinTask {
-    /// The environment of a row of the catalogue, with a task and the user's keywords.
-    ///
-    /// # Errors
-    /// See `Config::new`.
-    pub fn new(entry: &Entry, task: Task, given: &Map<String, Value>) -> Result<Self> {
-        let config = Config::new(task, given)?;
-        let mut action = Space::new();
-        action.push(-1.0, 1.0, "pitch command / pitch_limit");
-        let spec = Spec {
-            id: entry.id.into(),
-            machine: entry.machine,
-            task: entry.task,
-            observation: sensors::space(&config),
-            action,
-            reward_terms: task::terms(task),
-            metrics: task::metrics(task),
-            parameters: Parameters::table_of(task).to_vec(),
-            config: config.resolved.clone(),
-            default_max_episode_steps: entry.max_episode_steps,
-            control_dt: config.control_dt,
-            physics_dt: config.design.physics_dt,
-        };
-        Ok(FinTask { config, spec })
-    }
-
+impl Fin {
     /// The configuration.
     pub fn config(&self) -> &Config {
         &self.config
     }
 }
 
-impl Machine for FinTask {
+impl Machine for Fin {
+    const NAME: &'static str = "fin";
+    const METRICS: &'static [&'static str] = &[
+        "thrust",
+        "mount_thrust",
+        "shed_thrust",
+        "torque",
+        "power",
+        "pitch",
+        "efficiency",
+        "strouhal",
+        "thrust_coefficient",
+    ];
+    const KEYWORDS: &'static [Keyword] = config::KEYWORDS;
+    type Setup = Setup;
     type Plant<R: Real> = Rig<R>;
     type Start = Start;
 
-    fn spec(&self) -> &Spec {
-        &self.spec
+    fn new(setup: &Setup, given: &Map<String, Value>) -> Result<Self> {
+        let table = Parameters::table_of(setup.free_swimming);
+        Ok(Fin { config: Config::new(setup, given)?, table })
+    }
+
+    fn observation(&self) -> Space {
+        sensors::space(&self.config)
+    }
+
+    fn action(&self) -> Space {
+        let mut action = Space::new();
+        action.push(-1.0, 1.0, "pitch command / pitch_limit");
+        action
+    }
+
+    fn parameter_table(&self) -> &[Parameter] {
+        &self.table
+    }
+
+    fn resolved(&self) -> &Map<String, Value> {
+        &self.config.resolved
+    }
+
+    fn control_dt(&self) -> f64 {
+        self.config.control_dt
+    }
+
+    fn physics_dt(&self) -> f64 {
+        self.config.design.physics_dt
     }
 
     fn new_plant<R: Real>(&self) -> Rig<R> {
@@ -68,8 +90,7 @@ impl Machine for FinTask {
     }
 
     fn check(&self, options: &ResetOptions) -> Result<Start> {
-        let parameters =
-            exact_parameters(&options.parameters, &Parameters::table_of(self.config.task))?;
+        let parameters = exact_parameters(&options.parameters, &self.table)?;
         let read = |value: &Value| {
             let allowed = "{'positions': (n, 2), 'velocities': (n, 2)}";
             let refuse = || Error::parameter("state", value, allowed);
@@ -91,18 +112,37 @@ impl Machine for FinTask {
         actions: &[R],
         _active: R::Mask,
         _streams: &mut [Stream],
-        out: &mut Outcome<R>,
-    ) {
-        let sound = rig.control_step(&self.config, actions[0]);
-        out.reward = task::score(&self.config, rig, &mut out.terms);
-        out.terminated = R::Mask::splat(false);
-        out.failed = sound.not();
+    ) -> R::Mask {
+        rig.control_step(&self.config, actions[0])
+    }
+
+    #[inline(always)]
+    fn metrics<R: Real>(&self, rig: &Rig<R>, metrics: &mut [R]) {
+        let mean = &rig.mean;
+        let slow = rig.slow_flow();
+        let geometry = &self.config.design.geometry;
+        let area = geometry.length() * geometry.height;
+        let pressure = R::splat(0.5 * WATER_DENSITY * area) * slow * slow;
+        let worked = R::splat(LEAST_WORK).lt(rig.work);
+        let efficiency = R::select(worked, rig.flow() * rig.impulse / rig.work, R::zero());
+        let numbers = [
+            mean.thrust,
+            mean.mount_thrust,
+            mean.shed_thrust,
+            mean.torque,
+            mean.power,
+            rig.servo.angle,
+            efficiency,
+            rig.stroke.frequency * rig.stroke.width / slow,
+            mean.thrust / pressure,
+        ];
+        metrics.copy_from_slice(&numbers);
     }
 
     #[inline(always)]
     fn observe<R: Real>(
         &self,
-        rig: &mut Rig<R>,
+        rig: &Rig<R>,
         lanes: R::Mask,
         streams: &mut [Stream],
         observation: &mut [R],
@@ -124,7 +164,6 @@ impl Machine for FinTask {
         let state = self.nodes(rig, lane);
         let geometry = &self.config.design.geometry;
         let x = &state.positions;
-        scene.machine = "fin".into();
         scene.thickness = geometry.widths.clone();
         scene.curvature = vec![0.0; x.len()];
         let tangent = |k: usize| {
@@ -144,14 +183,6 @@ impl Machine for FinTask {
         value("power", rig.mean.power.get(lane));
         value("flow_speed", rig.fin.water.flow_speed.get(lane));
         value("length", geometry.length());
-        match self.config.task {
-            Task::Thrust => {}
-            Task::Efficiency => value("demand", rig.demand.get(lane)),
-            Task::Swim => {
-                value("hull_position", x[geometry.pivot][0]);
-                value("hull_speed", rig.speed.get(lane));
-            }
-        }
         let fin = rig.fin.lane(lane);
         let (at, v) = (&fin.now.x, &fin.now.v);
         let mut force = vec![[0.0; 2]; at.len()];
@@ -181,5 +212,12 @@ impl Machine for FinTask {
     fn nodes<R: Real>(&self, rig: &Rig<R>, lane: usize) -> NodeState {
         let pick = |v: &[Vec2<R>]| v.iter().map(|p| [p.x.get(lane), p.y.get(lane)]).collect();
         NodeState { positions: pick(&rig.fin.now.x), velocities: pick(&rig.fin.now.v) }
+    }
+    fn bare(given: &Map<String, Value>) -> Result<Box<dyn Simulation>> {
+        Ok(Box::new(BareFin::from_keywords(given)?))
+    }
+
+    fn simulation<R: Real>(&self, rig: &Rig<R>, lane: usize) -> Box<dyn Simulation> {
+        Box::new(BareFin::copy_of(&self.config, rig, lane))
     }
 }

@@ -16,12 +16,12 @@ pub mod sensors;
 pub mod servo;
 mod sim;
 mod step;
-pub mod task;
+pub mod tasks;
 
-pub use config::{Config, Task};
+pub use config::{Config, Setup};
 pub use geometry::Geometry;
-pub use machine::FinTask;
+pub use machine::Fin;
 pub use parameters::Parameters;
 pub use plant::{Design, Loads, Plant, Scheme};
 pub use rig::Rig;
-pub use sim::{Energies, Fin, Forces};
+pub use sim::{BareFin, Energies, Forces};

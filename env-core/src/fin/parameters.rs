@@ -1,6 +1,5 @@
 //! The numbers of a fin and its water that may differ from episode to episode.
 
-use super::config::Task;
 use super::geometry::Geometry;
 use crate::env::Parameter;
 use crate::error::{Error, Result};
@@ -95,10 +94,10 @@ impl Parameters {
         TABLE.map(|(row, _)| row)
     }
 
-    /// The table of a task: a free swimmer's water is at rest, whatever is asked.
-    pub fn table_of(task: Task) -> [Parameter; Self::COUNT] {
+    /// The table of a fin that is held or that swims freely: its water is at rest then, whatever is asked.
+    pub fn table_of(free_swimming: bool) -> [Parameter; Self::COUNT] {
         let mut table = Self::table();
-        if task == Task::Swim {
+        if free_swimming {
             for row in table.iter_mut().filter(|row| row.name == "flow_speed") {
                 (row.default, row.high) = (0.0, 0.0);
                 row.doc = "speed of the water: at rest, the fin swims through it";

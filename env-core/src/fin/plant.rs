@@ -183,6 +183,16 @@ impl<R: Real> Loads<R> {
         self.positive_power += weight * other.positive_power;
     }
 
+    /// Copies one lane out.
+    pub fn lane(&self, lane: usize) -> Loads<f64> {
+        let mut from = *self;
+        let mut numbers = Vec::new();
+        from.visit(&mut |x| numbers.push(x.get(lane)));
+        let (mut to, mut next) = (Loads::default(), numbers.into_iter());
+        to.visit(&mut |x| *x = next.next().expect("as many numbers"));
+        to
+    }
+
     /// `yes` where the mask is set, `no` elsewhere.
     #[inline(always)]
     pub fn select(mask: R::Mask, yes: &Loads<R>, no: &Loads<R>) -> Loads<R> {
@@ -364,7 +374,7 @@ impl<R: Real> Plant<R> {
             before: instant(&self.before),
             history: self.history.get(lane),
             pitch: self.pitch.get(lane),
-            loads: Loads::default(),
+            loads: self.loads.lane(lane),
             work: Workspace::new(self.nodes()),
         }
     }

@@ -20,6 +20,8 @@ pub struct Start {
     pub motion: Option<Motion>,
 }
 
+/// Slowest flow that ratios are taken of \[m/s\].
+const SLOW: f64 = 1e-3;
 /// Time constant of the smoothed thrust \[s\].
 pub const SMOOTHING: f64 = 0.5;
 
@@ -92,7 +94,8 @@ impl<R: Real> Rig<R> {
         rig
     }
 
-    fn parameters_of(&self, lane: usize) -> Parameters {
+    /// Parameters in force in a lane.
+    pub fn parameters_of(&self, lane: usize) -> Parameters {
         let mut parameters = Parameters::default();
         for (i, value) in self.parameters.iter().enumerate() {
             parameters.set(i, value.get(lane)).expect("drawn within the table's range");
@@ -189,6 +192,18 @@ impl<R: Real> Rig<R> {
         let forget = R::splat(config.control_dt / (SMOOTHING + config.control_dt));
         self.smooth_thrust += forget * (self.mean.shed_thrust - self.smooth_thrust);
         sound
+    }
+
+    /// Speed of the water past the fin, along -x of its motion \[m/s\].
+    #[inline(always)]
+    pub fn flow(&self) -> R {
+        if self.fin.design.free_swimming { self.speed } else { self.fin.water.flow_speed }
+    }
+
+    /// Magnitude of the flow that ratios are taken of, never 0 \[m/s\].
+    #[inline(always)]
+    pub fn slow_flow(&self) -> R {
+        self.flow().abs().max(R::splat(SLOW))
     }
 
     /// Follows tail and pitch through one physics step that started at the given pitch.

@@ -1,6 +1,6 @@
 //! What the agent sees of the fin, with noise.
 
-use super::config::{Config, Sensors, Task};
+use super::config::{Config, Sensors};
 use super::rig::Rig;
 use super::servo::{RATE_LIMIT, STAGES};
 use crate::env::Space;
@@ -15,13 +15,8 @@ pub const RATE_UNIT: f64 = 5.0;
 pub const THRUST_UNIT: f64 = 0.5;
 /// Unit of the observed torque \[N m\].
 pub const TORQUE_UNIT: f64 = 0.1;
-/// Unit of the observed hull speed \[m/s\].
-pub const SPEED_UNIT: f64 = 0.5;
 /// Observations are clipped to this many units.
 pub const BOUND: f64 = 10.0;
-
-/// Name of the number of an observation that is the demanded thrust.
-pub const DEMAND: &str = "demanded thrust / 0.5 N";
 
 /// The observation space.
 pub fn space(config: &Config) -> Space {
@@ -46,14 +41,6 @@ pub fn space(config: &Config) -> Space {
             (1..=nodes).for_each(|i| bounded(format!("y of node {i} / edge length")));
         }
     }
-    match config.task {
-        Task::Thrust => {}
-        Task::Efficiency => {
-            bounded(DEMAND.into());
-            bounded("thrust smoothed over 0.5 s / 0.5 N".into());
-        }
-        Task::Swim => bounded("hull speed / 0.5 m/s".into()),
-    }
     space
 }
 
@@ -76,7 +63,7 @@ pub fn observe<R: Real>(
     };
     let mut at = 0;
     let mut put = |value: R, unit: f64| {
-        observation[at] = (value * R::splat(1.0 / unit)).clip(-BOUND, BOUND);
+        observation[at] = observed(value, unit);
         at += 1;
     };
     let (x, v) = (&rig.fin.now.x, &rig.fin.now.v);
@@ -122,12 +109,10 @@ pub fn observe<R: Real>(
             }
         }
     }
-    match config.task {
-        Task::Thrust => {}
-        Task::Efficiency => {
-            put(rig.demand, THRUST_UNIT);
-            put(rig.smooth_thrust, THRUST_UNIT);
-        }
-        Task::Swim => put(rig.speed, SPEED_UNIT),
-    }
+}
+
+/// A number as it is observed: in its unit, clipped.
+#[inline(always)]
+pub fn observed<R: Real>(value: R, unit: f64) -> R {
+    (value * R::splat(1.0 / unit)).clip(-BOUND, BOUND)
 }

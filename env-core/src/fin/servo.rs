@@ -122,6 +122,16 @@ impl<R: Real> Servo<R> {
         }
     }
 
+    /// Copies one lane out.
+    pub fn lane(&self, lane: usize) -> Servo<f64> {
+        let pick = |lag: &Lag<R>| Lag { angle: lag.angle.get(lane), rate: lag.rate.get(lane) };
+        Servo {
+            angle: self.angle.get(lane),
+            rate: self.rate.get(lane),
+            smoothed: std::array::from_fn(|i| pick(&self.smoothed[i])),
+        }
+    }
+
     /// Calls `f` with every number, always in the same order.
     pub fn visit(&mut self, f: &mut dyn FnMut(&mut R)) {
         f(&mut self.angle);

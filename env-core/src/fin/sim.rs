@@ -1,14 +1,18 @@
 //! A single fin for people who want the physics: no task, and a servo only where it is asked for.
 
-use super::config::{Config, Task};
+use super::config::{Config, KEYWORDS, Setup};
 use super::geometry::Geometry;
 use super::parameters::Parameters;
 use super::plant::{Design, Loads, Plant, Scheme};
+use super::rig::Rig;
 use super::servo::{Servo, Ticks};
+use crate::env::NodeState;
 use crate::error::{Error, Result};
 use crate::fluid::{Hydrodynamics, reactive, resistive};
-use crate::keywords::Keywords;
+use crate::keywords::{bare_names, check_names};
+use crate::lane::Real;
 use crate::rod;
+use crate::simulation::{Named, Simulation, pairs, unknown};
 use crate::snapshot::Numbers;
 use crate::vec2::Vec2;
 use serde_json::{Map, Value, json};
@@ -47,7 +51,7 @@ pub struct Energies {
 
 /// One fin, pitched by hand or by its servo.
 #[derive(Clone, Debug)]
-pub struct Fin {
+pub struct BareFin {
     plant: Plant<f64>,
     servo: Servo<f64>,
     ticks: Ticks,
@@ -56,19 +60,17 @@ pub struct Fin {
     resolved: Map<String, Value>,
 }
 
-/// Keywords beside the parameters.
-const KEYWORDS: [&str; 8] = [
-    "command_cutoff",
-    "hydrodynamics",
-    "stepper",
-    "physics_dt",
-    "geometry",
-    "stiffness_profile",
-    "thesis",
-    "free_swimming",
-];
+/// Keyword of the bare fin alone: in the environments the task says it.
+const FREE_SWIMMING: &str = "free_swimming";
 
-impl Fin {
+/// Names of the keywords that it takes: those of the environments that concern the fin and its water.
+fn names() -> Vec<&'static str> {
+    let mut names = bare_names(&Parameters::table(), KEYWORDS);
+    names.push(FREE_SWIMMING);
+    names
+}
+
+impl BareFin {
     /// A straight fin at rest, without a low-pass before its servo.
     ///
     /// # Errors
@@ -79,7 +81,7 @@ impl Fin {
         plant.begin(0, &parameters, 0.0);
         let ticks = Ticks::new(plant.design.physics_dt, None);
         let servo = Servo::default();
-        Ok(Fin { plant, servo, ticks, parameters, steps: 0, resolved: Map::new() })
+        Ok(BareFin { plant, servo, ticks, parameters, steps: 0, resolved: Map::new() })
     }
 
     /// The thesis' fin in the given water, stepped by BDF2 every `physics_dt` seconds.
@@ -95,7 +97,7 @@ impl Fin {
         let scheme = Scheme::Bdf2;
         let free_swimming = false;
         let design = Design { geometry, hydrodynamics, scheme, physics_dt, free_swimming };
-        Fin::new(design, parameters)
+        BareFin::new(design, parameters)
     }
 
     /// A fin of the keywords that users type: those of the environments that concern the fin and its water, and
@@ -104,38 +106,43 @@ impl Fin {
     /// # Errors
     /// Unknown keywords and values outside their ranges.
     pub fn from_keywords(given: &Map<String, Value>) -> Result<Self> {
-        let table = Parameters::table();
-        let names: Vec<&str> = table.iter().map(|p| p.name).chain(KEYWORDS).collect();
-        let keywords = Keywords::new(given, &names)?;
-        let swims = keywords.flag("free_swimming", false)?;
-        let mut physical = given.clone();
-        physical.remove("free_swimming");
+        check_names(given, &names())?;
+        let mut given = given.clone();
+        let swims = given.remove(FREE_SWIMMING).filter(|value| !value.is_null());
+        let refuse = |value: &Value| Error::parameter(FREE_SWIMMING, value, "true or false");
+        let swims =
+            swims.map_or(Ok(false), |value| value.as_bool().ok_or_else(|| refuse(&value)))?;
+        let setup = Setup { free_swimming: swims, stiffness: None };
         // A control step of one physics step: the simulation has no other.
-        let control_dt = match keywords.get("physics_dt") {
-            Some(dt) => dt.clone(),
-            None => json!(0.04),
-        };
-        physical.insert("control_dt".into(), control_dt);
-        let task = if swims { Task::Swim } else { Task::Efficiency };
-        let config = Config::new(task, &physical)?;
+        let asked = given.get("physics_dt").filter(|value| !value.is_null());
+        let control_dt = asked.cloned().unwrap_or(json!(0.04));
+        given.insert("control_dt".into(), control_dt);
+        let config = Config::new(&setup, &given)?;
         let mut parameters = Parameters::default();
         for (i, draw) in config.draws.iter().enumerate() {
             parameters.set(i, draw.bounds().0)?;
         }
-        let mut fin = Fin::new(config.design, parameters)?;
+        let mut fin = BareFin::new(config.design.clone(), parameters)?;
         fin.ticks = config.ticks;
-        for name in table.iter().map(|p| p.name).chain(KEYWORDS) {
-            if let Some(value) = config.resolved.get(name) {
-                fin.resolved.insert(name.into(), value.clone());
-            }
-        }
-        fin.resolved.insert("free_swimming".into(), json!(swims));
+        fin.resolved = resolved(&config);
         Ok(fin)
     }
 
-    /// Keywords with their values, where the fin was made from keywords.
-    pub fn resolved(&self) -> &Map<String, Value> {
-        &self.resolved
+    /// What runs in one lane of an environment, exactly: what the stepper remembers, servo and low-pass included.
+    pub fn copy_of<R: Real>(config: &Config, rig: &Rig<R>, lane: usize) -> Self {
+        let parameters = rig.parameters_of(lane);
+        let mut resolved = resolved(config);
+        for (i, row) in Parameters::table().iter().enumerate() {
+            resolved.insert(row.name.into(), json!(parameters.get(i)));
+        }
+        BareFin {
+            plant: rig.fin.lane(lane),
+            servo: rig.servo.lane(lane),
+            ticks: config.ticks,
+            parameters,
+            steps: 0,
+            resolved,
+        }
     }
 
     /// Shape, water and stepping.
@@ -144,23 +151,8 @@ impl Fin {
     }
 
     /// Material and water.
-    pub fn parameters(&self) -> &Parameters {
+    pub fn material(&self) -> &Parameters {
         &self.parameters
-    }
-
-    /// `n` physics steps, each ending at this pitch \[rad\].
-    ///
-    /// # Errors
-    /// A pitch that is not finite, or a step that cannot be solved (the fin then stays where it got to).
-    pub fn step(&mut self, pitch: f64, n: u64) -> Result<()> {
-        if !pitch.is_finite() {
-            return Err(Error::parameter("pitch", pitch, "finite"));
-        }
-        for _ in 0..n {
-            self.advance(pitch)?;
-            self.servo.place(0, pitch, 0.0, pitch);
-        }
-        Ok(())
     }
 
     /// `n` physics steps under the servo of the environments, told this pitch \[rad\]. After `step` or `set_state`
@@ -206,19 +198,14 @@ impl Fin {
         Ok(trace)
     }
 
-    /// Time since the state was set \[s\].
-    pub fn time(&self) -> f64 {
-        self.steps as f64 * self.plant.design.physics_dt
-    }
-
     /// Node positions \[m\].
     pub fn positions(&self) -> Vec<[f64; 2]> {
-        pairs(&self.plant.now.x)
+        points(&self.plant.now.x)
     }
 
     /// Node velocities \[m/s\].
     pub fn velocities(&self) -> Vec<[f64; 2]> {
-        pairs(&self.plant.now.v)
+        points(&self.plant.now.v)
     }
 
     /// Pitch of the driven edge \[rad\].
@@ -229,34 +216,6 @@ impl Fin {
     /// Forces and power of the last physics step.
     pub fn loads(&self) -> &Loads<f64> {
         &self.plant.loads
-    }
-
-    /// Puts the fin into a motion, as if it had just been placed there; the time goes back to 0.
-    ///
-    /// # Errors
-    /// Wrong shapes, numbers that are not finite, or a driven edge that the drive could not hold: its pivot
-    /// away from the origin (unless swimming freely) or its length off the rest length by more than 1e-6.
-    pub fn set_state(&mut self, positions: &[[f64; 2]], velocities: &[[f64; 2]]) -> Result<()> {
-        let (x, v, pitch) = self.plant.design.check_motion(positions, velocities)?;
-        self.plant.set_motion(0, &x, &v, pitch);
-        self.servo.place(0, pitch, 0.0, pitch);
-        self.steps = 0;
-        Ok(())
-    }
-
-    /// Every number that the future depends on, and the steps since the state was set; `restore` takes them.
-    pub fn snapshot(&self) -> (Vec<f64>, u64) {
-        (self.numbers(), self.steps)
-    }
-
-    /// Goes on where a fin of the same keywords was at its `snapshot`.
-    ///
-    /// # Errors
-    /// Not as many numbers as this fin has; nothing changes then.
-    pub fn restore(&mut self, numbers: &[f64], steps: u64) -> Result<()> {
-        self.set_numbers(numbers)?;
-        self.steps = steps;
-        Ok(())
     }
 
     /// Forces and energies in any motion; the fin itself is not touched.
@@ -298,11 +257,11 @@ impl Fin {
         }
         let energy = rod::energy(&plant.rod, &x, &v);
         Ok(Forces {
-            elastic: pairs(&elastic),
-            fluid_momentum: pairs(&momentum),
-            fluid_gradient: pairs(&gradient),
-            tail_flux: pairs(&flux),
-            resistive: pairs(&resistance),
+            elastic: points(&elastic),
+            fluid_momentum: points(&momentum),
+            fluid_gradient: points(&gradient),
+            tail_flux: points(&flux),
+            resistive: points(&resistance),
             elastic_energy: energy.stretch + energy.bend,
             fluid_energy,
         })
@@ -328,7 +287,123 @@ impl Fin {
     }
 }
 
-impl Numbers for Fin {
+impl Simulation for BareFin {
+    fn machine(&self) -> &'static str {
+        "fin"
+    }
+
+    fn resolved(&self) -> Map<String, Value> {
+        self.resolved.clone()
+    }
+
+    fn parameters(&self) -> Vec<(&'static str, f64)> {
+        let table = Parameters::table();
+        table.iter().enumerate().map(|(i, row)| (row.name, self.parameters.get(i))).collect()
+    }
+
+    fn time(&self) -> f64 {
+        self.steps as f64 * self.plant.design.physics_dt
+    }
+
+    fn physics_dt(&self) -> f64 {
+        self.plant.design.physics_dt
+    }
+
+    fn state(&self) -> NodeState {
+        NodeState { positions: self.positions(), velocities: self.velocities() }
+    }
+
+    /// As if the fin had just been placed there. The pivot must be at the origin (unless swimming freely) and the
+    /// driven edge within 1e-6 of its rest length.
+    fn set_state(&mut self, positions: &[[f64; 2]], velocities: &[[f64; 2]]) -> Result<()> {
+        let (x, v, pitch) = self.plant.design.check_motion(positions, velocities)?;
+        self.plant.set_motion(0, &x, &v, pitch);
+        self.servo.place(0, pitch, 0.0, pitch);
+        self.steps = 0;
+        Ok(())
+    }
+
+    /// Each step ends at the input, a pitch \[rad\].
+    fn step(&mut self, pitch: f64, n: u64) -> Result<()> {
+        if !pitch.is_finite() {
+            return Err(Error::parameter("pitch", pitch, "finite"));
+        }
+        for _ in 0..n {
+            self.advance(pitch)?;
+            self.servo.place(0, pitch, 0.0, pitch);
+        }
+        Ok(())
+    }
+
+    fn energies(&self) -> Vec<(&'static str, f64)> {
+        let Energies { kinetic, stretch, bend, fluid } = self.energy();
+        vec![("kinetic", kinetic), ("stretch", stretch), ("bend", bend), ("fluid", fluid)]
+    }
+
+    fn snapshot(&self) -> (Vec<f64>, u64) {
+        (self.numbers(), self.steps)
+    }
+
+    fn restore(&mut self, numbers: &[f64], steps: u64) -> Result<()> {
+        self.set_numbers(numbers)?;
+        self.steps = steps;
+        Ok(())
+    }
+
+    fn copy(&self) -> Box<dyn Simulation> {
+        Box::new(self.clone())
+    }
+
+    fn ask(&self, question: &str, arguments: &[Vec<f64>]) -> Result<Vec<Named>> {
+        Ok(match (question, arguments) {
+            ("loads", []) => {
+                let loads = self.loads();
+                [
+                    ("pitch", self.pitch()),
+                    ("thrust", loads.thrust),
+                    ("shed_thrust", loads.shed_thrust),
+                    ("resistive_thrust", loads.resistive_thrust),
+                    ("mount_thrust", loads.mount_thrust),
+                    ("torque", loads.torque),
+                    ("power", loads.power),
+                ]
+                .map(|(name, value)| Named::number(name, value))
+                .into()
+            }
+            ("forces", [x, v]) => {
+                let forces = self.forces(&pairs("positions", x)?, &pairs("velocities", v)?)?;
+                vec![
+                    Named::nodes("elastic", &forces.elastic),
+                    Named::nodes("fluid_momentum", &forces.fluid_momentum),
+                    Named::nodes("fluid_gradient", &forces.fluid_gradient),
+                    Named::nodes("tail_flux", &forces.tail_flux),
+                    Named::nodes("resistive", &forces.resistive),
+                    Named::number("elastic_energy", forces.elastic_energy),
+                    Named::number("fluid_energy", forces.fluid_energy),
+                ]
+            }
+            _ => return Err(unknown(self.machine(), question)),
+        })
+    }
+
+    fn act(&mut self, command: &str, arguments: &[Vec<f64>], n: u64) -> Result<Vec<Named>> {
+        match (command, arguments) {
+            ("drive", [pitch]) if pitch.len() == 1 => {
+                self.drive(pitch[0], n)?;
+                Ok(vec![])
+            }
+            ("follow", [pitches]) => {
+                let trace = self.follow(pitches)?;
+                let column = |k: usize| trace.iter().map(|row| row[k]).collect();
+                let names = ["thrust", "torque", "power", "tail"].into_iter().enumerate();
+                Ok(names.map(|(k, name)| Named::vector(name, column(k))).collect())
+            }
+            _ => Err(unknown(self.machine(), command)),
+        }
+    }
+}
+
+impl Numbers for BareFin {
     /// The fin's, its servo's and the low-pass'.
     fn visit(&mut self, f: &mut dyn FnMut(&mut f64)) {
         self.plant.visit(f);
@@ -336,6 +411,14 @@ impl Numbers for Fin {
     }
 }
 
-fn pairs(vectors: &[Vec2<f64>]) -> Vec<[f64; 2]> {
+/// What a configuration says of the bare fin.
+fn resolved(config: &Config) -> Map<String, Value> {
+    let mut map = config.resolved.clone();
+    map.insert(FREE_SWIMMING.into(), json!(config.design.free_swimming));
+    map.retain(|name, _| names().contains(&name.as_str()));
+    map
+}
+
+fn points(vectors: &[Vec2<f64>]) -> Vec<[f64; 2]> {
     vectors.iter().map(|p| [p.x, p.y]).collect()
 }

@@ -1,12 +1,12 @@
 //! Keywords of the pendulum environments, checked.
 
-use crate::env::Parameter;
+use crate::draw::Draw;
 use crate::error::{Error, Result};
-use crate::keywords::{Draw, Keywords, whole};
+use crate::keywords::{Allowed, Keyword, RANDOMIZE, Reader, whole};
 use crate::rod::Uniform;
+use crate::spec::Parameter;
 use crate::stepper::Scheme;
-use serde_json::{Map, Value, json};
-use std::f64::consts::PI;
+use serde_json::{Map, Value};
 
 /// Which numbers the agent sees.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,13 +19,30 @@ pub enum Sensors {
     Tip,
 }
 
-/// Which task is played.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Task {
-    /// From hanging to upright.
-    SwingUp,
-    /// Stay up.
-    Balance,
+impl Sensors {
+    const WORDS: [&str; 3] = ["full", "base", "tip"];
+
+    fn word(self) -> &'static str {
+        Sensors::WORDS[self as usize]
+    }
+}
+
+/// What a task asks of the pendulum, unless the user asks otherwise.
+#[derive(Clone, Copy, Debug)]
+pub struct Setup {
+    /// What the agent sees.
+    pub sensors: Sensors,
+    /// Range of the first edge's start angle, from hanging \[rad\].
+    pub start_angle: (f64, f64),
+    /// Range of the start angle's growth from first to last edge \[rad\].
+    pub start_bend: (f64, f64),
+}
+
+impl Default for Setup {
+    /// A straight rod that nearly hangs, every edge seen.
+    fn default() -> Self {
+        Setup { sensors: Sensors::Full, start_angle: (-0.1, 0.1), start_bend: (0.0, 0.0) }
+    }
 }
 
 /// Physical parameters of the pendulum, in the order of `info["parameters"]` (thesis Table 4.1).
@@ -65,19 +82,82 @@ const fn parameter(
     Parameter { name, unit, default, low, high, doc }
 }
 
-const OTHERS: &[&str] = &[
-    "nodes",
-    "stepper",
-    "physics_dt",
-    "control_dt",
-    "observation",
-    "start_angle",
-    "start_bend",
-    "randomize",
-    "sensor_noise",
-    "actuator_delay",
-    "torque_disturbance",
-    "thesis",
+const fn keyword(
+    name: &'static str,
+    unit: &'static str,
+    default: &'static str,
+    allowed: Allowed,
+    doc: &'static str,
+) -> Keyword {
+    Keyword { name, unit, default, allowed, doc, bare: false }
+}
+
+const fn bare(keyword: Keyword) -> Keyword {
+    Keyword { bare: true, ..keyword }
+}
+
+/// The other keywords.
+pub const KEYWORDS: &[Keyword] = &[
+    bare(keyword("nodes", "", "7", Allowed::Integer(2, 1001), "number of nodes")),
+    keyword("observation", "", "\"full\"", Allowed::Choice(&Sensors::WORDS), "what the agent sees"),
+    keyword(
+        "control_dt",
+        "s",
+        "0.01",
+        Allowed::Number(1e-5, 1.0),
+        "duration of a step, a multiple of `physics_dt`",
+    ),
+    bare(keyword(
+        "physics_dt",
+        "s",
+        "chosen",
+        Allowed::Number(1e-7, 1.0),
+        "2e-4 with Verlet, 1e-3 with an implicit stepper",
+    )),
+    bare(keyword(
+        "stepper",
+        "",
+        "\"auto\"",
+        Allowed::Choice(&["auto", "verlet", "backward_euler", "implicit"]),
+        "auto: verlet where stable, else implicit",
+    )),
+    keyword(
+        "start_angle",
+        "rad",
+        "by task",
+        Allowed::Range(-10.0, 10.0),
+        "(low, high) of the start angle from hanging",
+    ),
+    keyword(
+        "start_bend",
+        "rad",
+        "by task",
+        Allowed::Range(-10.0, 10.0),
+        "(low, high) of the angle's growth along the rod",
+    ),
+    RANDOMIZE,
+    keyword(
+        "sensor_noise",
+        "rad, rad/s",
+        "{}",
+        Allowed::Numbers(&["angle", "rate"], 0.0, 100.0),
+        "standard deviations of the measured angles and rates",
+    ),
+    keyword(
+        "actuator_delay",
+        "s",
+        "0",
+        Allowed::Other("a multiple of physics_dt, from 0 to 10 control_dt"),
+        "lag of the torque behind the action",
+    ),
+    keyword(
+        "torque_disturbance",
+        "N m",
+        "0",
+        Allowed::Number(0.0, 1e4),
+        "standard deviation of a torque drawn each step",
+    ),
+    bare(keyword("thesis", "", "False", Allowed::Flag, "the thesis' parameters, stepper and step")),
 ];
 
 /// Physics step with Verlet, unless asked otherwise \[s\].
@@ -90,8 +170,6 @@ const THESIS_DT: f64 = 1e-4;
 /// A pendulum environment's configuration.
 #[derive(Clone, Debug)]
 pub struct Config {
-    /// Task to play.
-    pub task: Task,
     /// Number of nodes.
     pub nodes: usize,
     /// How each parameter is drawn.
@@ -146,40 +224,31 @@ pub fn verlet_limit(nodes: usize, bounds: &[(f64, f64)]) -> f64 {
 }
 
 impl Config {
-    /// Reads the keywords of a task; `sensors` is what it shows unless asked otherwise.
+    /// Reads the keywords; `setup` is what the task asks for unless the user asks otherwise.
     ///
     /// # Errors
     /// Unknown keywords, values outside their ranges, a physics step beyond the stepper's limit.
-    pub fn new(task: Task, sensors: Sensors, given: &Map<String, Value>) -> Result<Config> {
-        let names = PARAMETERS.iter().map(|p| p.name).chain(OTHERS.iter().copied());
-        let keywords = Keywords::new(given, &names.collect::<Vec<_>>())?;
-        let thesis = keywords.flag("thesis", false)?;
-        let mut values = Vec::with_capacity(COUNT);
-        for p in PARAMETERS {
-            let damped = p.name == "bending_damping";
-            values.push(keywords.parameter(p, if thesis && damped { 0.0 } else { p.default })?);
-        }
-        let draws = Draw::table(&keywords, PARAMETERS, &values)?;
-        let nodes = keywords.integer("nodes", 7, 2, 1001)? as usize;
-        let control_dt = keywords.number("control_dt", 0.01, 1e-5, 1.0)?;
+    pub fn new(setup: &Setup, given: &Map<String, Value>) -> Result<Config> {
+        let mut reader = Reader::new(given, PARAMETERS, KEYWORDS)?;
+        let thesis = reader.flag("thesis", false)?;
+        let damped = PARAMETERS[at::BENDING_DAMPING].name;
+        let values = reader
+            .parameters(PARAMETERS, |p| if thesis && p.name == damped { 0.0 } else { p.default })?;
+        let draws = reader.draws(PARAMETERS, &values, None)?;
+        let nodes = reader.integer("nodes", 7)? as usize;
+        let control_dt = reader.number("control_dt", 0.01)?;
         let bounds: Vec<_> = draws.iter().map(Draw::bounds).collect();
         let limit = verlet_limit(nodes, &bounds);
-        let (scheme, physics_dt, substeps) = timing(&keywords, thesis, control_dt, limit)?;
-        let words = ["full", "base", "tip"];
-        let default = words[sensors as usize];
-        let sensors = match keywords.choice("observation", default, &words)? {
+        let (scheme, physics_dt, substeps) = timing(&mut reader, thesis, control_dt, limit)?;
+        let sensors = match reader.choice("observation", setup.sensors.word())? {
             "full" => Sensors::Full,
             "base" => Sensors::Base,
             _ => Sensors::Tip,
         };
-        let (angle, bend) = match task {
-            Task::SwingUp => ((-0.1, 0.1), (0.0, 0.0)),
-            Task::Balance => ((PI - 0.05, PI + 0.05), (-0.2, 0.2)),
-        };
-        let noise = keywords.numbers("sensor_noise", &["angle", "rate"], 0.0, 100.0)?;
-        let delay = keywords.number("actuator_delay", 0.0, 0.0, 10.0 * control_dt)?;
-        let config = Config {
-            task,
+        let delay = reader.number_within("actuator_delay", 0.0, 0.0, 10.0 * control_dt)?;
+        let delay = whole("actuator_delay", delay, physics_dt)?;
+        reader.note("actuator_delay", delay as f64 * physics_dt);
+        Ok(Config {
             nodes,
             draws,
             sensors,
@@ -187,51 +256,25 @@ impl Config {
             physics_dt,
             control_dt,
             substeps,
-            start_angle: keywords.range("start_angle", angle, (-10.0, 10.0))?,
-            start_bend: keywords.range("start_bend", bend, (-10.0, 10.0))?,
-            noise: [noise[0], noise[1]],
-            delay: whole("actuator_delay", delay, physics_dt)?,
-            disturbance: keywords.number("torque_disturbance", 0.0, 0.0, 1e4)?,
-            resolved: Map::new(),
-        };
-        Ok(config.with_resolved(&values, given, thesis))
-    }
-
-    fn with_resolved(mut self, values: &[f64], given: &Map<String, Value>, thesis: bool) -> Self {
-        let mut map = Map::new();
-        for (p, value) in PARAMETERS.iter().zip(values) {
-            map.insert(p.name.into(), json!(value));
-        }
-        map.insert("nodes".into(), json!(self.nodes));
-        map.insert("stepper".into(), json!(self.scheme.name()));
-        map.insert("physics_dt".into(), json!(self.physics_dt));
-        map.insert("control_dt".into(), json!(self.control_dt));
-        let sensors = ["full", "base", "tip"][self.sensors as usize];
-        map.insert("observation".into(), json!(sensors));
-        map.insert("start_angle".into(), json!([self.start_angle.0, self.start_angle.1]));
-        map.insert("start_bend".into(), json!([self.start_bend.0, self.start_bend.1]));
-        map.insert("randomize".into(), given.get("randomize").cloned().unwrap_or(json!({})));
-        let noise = json!({"angle": self.noise[0], "rate": self.noise[1]});
-        map.insert("sensor_noise".into(), noise);
-        map.insert("actuator_delay".into(), json!(self.delay as f64 * self.physics_dt));
-        map.insert("torque_disturbance".into(), json!(self.disturbance));
-        map.insert("thesis".into(), json!(thesis));
-        self.resolved = map;
-        self
+            start_angle: reader.range("start_angle", setup.start_angle)?,
+            start_bend: reader.range("start_bend", setup.start_bend)?,
+            noise: reader.numbers("sensor_noise")?,
+            delay,
+            disturbance: reader.number("torque_disturbance", 0.0)?,
+            resolved: reader.resolved(),
+        })
     }
 }
 
 /// Scheme, physics step and physics steps a control step.
 fn timing(
-    keywords: &Keywords<'_>,
+    reader: &mut Reader<'_>,
     thesis: bool,
     control_dt: f64,
     limit: f64,
 ) -> Result<(Scheme, f64, usize)> {
-    let words = ["auto", "verlet", "backward_euler", "implicit"];
-    let default = if thesis { "backward_euler" } else { "auto" };
-    let word = keywords.choice("stepper", default, &words)?;
-    let asked = keywords.optional("physics_dt", 1e-7, 1.0)?;
+    let word = reader.choice("stepper", if thesis { "backward_euler" } else { "auto" })?;
+    let asked = reader.asked("physics_dt")?;
     let divided = |dt: f64| control_dt / (control_dt / dt - 1e-9).ceil();
     let scheme = match word {
         "verlet" => Scheme::Verlet,
@@ -253,5 +296,7 @@ fn timing(
         return Err(Error::parameter("physics_dt", dt, allowed));
     }
     let substeps = whole("control_dt", control_dt, dt)?;
+    reader.note("stepper", scheme.name());
+    reader.note("physics_dt", dt);
     Ok((scheme, dt, substeps))
 }

@@ -1,66 +1,38 @@
 //! The inverted elastic pendulum (thesis chapter 4): a rod pinned at its base, a torque on its first edge.
 
 pub mod config;
+mod linear;
 mod plant;
 mod sensors;
 mod sim;
-mod task;
+pub mod tasks;
 
-pub use config::{Config, PARAMETERS, Sensors, Task};
+pub use config::{Config, PARAMETERS, Sensors, Setup};
+pub use linear::Linear;
 pub use plant::{Plant, Start, State};
 pub use sensors::{RATE_BOUND, RATE_UNIT};
-pub use sim::{Linear, Simulation};
+pub use sim::BarePendulum;
 
-use crate::batch::{Machine, Outcome};
-use crate::catalog::Entry;
-use crate::env::{NodeState, ResetOptions, Scene, Space, Spec};
+use crate::batch::Machine;
+use crate::draw::{Draw, exact_parameters};
+use crate::env::{NodeState, Parameter, ResetOptions, Scene, Space};
 use crate::error::{Error, Result};
-use crate::keywords::{Draw, exact_parameters};
+use crate::keywords::Keyword;
 use crate::lane::{Mask, Real};
 use crate::rod::curvature;
 use crate::seed::Stream;
+use crate::simulation::Simulation;
 use crate::stepper::Scheme;
 use config::{at, verlet_limit};
 use serde_json::{Map, Value, json};
 
-/// A pendulum with its task, for `batch::Batch`.
+/// The pendulum as its keywords have it.
 #[derive(Clone, Debug)]
 pub struct Pendulum {
     config: Config,
-    spec: Spec,
 }
 
 impl Pendulum {
-    /// The environment of a row of the catalogue, with a task, its usual sensors and the user's keywords.
-    ///
-    /// # Errors
-    /// See `Config::new`.
-    pub fn new(
-        entry: &Entry,
-        task: Task,
-        sensors: Sensors,
-        given: &Map<String, Value>,
-    ) -> Result<Self> {
-        let config = Config::new(task, sensors, given)?;
-        let mut action = Space::new();
-        action.push(-1.0, 1.0, "base torque / torque_limit");
-        let spec = Spec {
-            id: entry.id.into(),
-            machine: entry.machine,
-            task: entry.task,
-            observation: sensors::space(&config),
-            action,
-            reward_terms: task::terms(task),
-            metrics: task::METRICS.to_vec(),
-            parameters: PARAMETERS.to_vec(),
-            config: config.resolved.clone(),
-            default_max_episode_steps: entry.max_episode_steps,
-            control_dt: config.control_dt,
-            physics_dt: config.physics_dt,
-        };
-        Ok(Pendulum { config, spec })
-    }
-
     /// The configuration.
     pub fn config(&self) -> &Config {
         &self.config
@@ -97,11 +69,41 @@ impl Pendulum {
 }
 
 impl Machine for Pendulum {
+    const NAME: &'static str = "pendulum";
+    const METRICS: &'static [&'static str] = &["tip_height", "upright_error", "torque"];
+    const KEYWORDS: &'static [Keyword] = config::KEYWORDS;
+    type Setup = Setup;
     type Plant<R: Real> = Plant<R>;
     type Start = Start;
 
-    fn spec(&self) -> &Spec {
-        &self.spec
+    fn new(setup: &Setup, given: &Map<String, Value>) -> Result<Self> {
+        Ok(Pendulum { config: Config::new(setup, given)? })
+    }
+
+    fn observation(&self) -> Space {
+        sensors::space(&self.config)
+    }
+
+    fn action(&self) -> Space {
+        let mut action = Space::new();
+        action.push(-1.0, 1.0, "base torque / torque_limit");
+        action
+    }
+
+    fn parameter_table(&self) -> &[Parameter] {
+        PARAMETERS
+    }
+
+    fn resolved(&self) -> &Map<String, Value> {
+        &self.config.resolved
+    }
+
+    fn control_dt(&self) -> f64 {
+        self.config.control_dt
+    }
+
+    fn physics_dt(&self) -> f64 {
+        self.config.physics_dt
     }
 
     fn new_plant<R: Real>(&self) -> Plant<R> {
@@ -147,8 +149,7 @@ impl Machine for Pendulum {
         actions: &[R],
         active: R::Mask,
         streams: &mut [Stream],
-        out: &mut Outcome<R>,
-    ) {
+    ) -> R::Mask {
         let mut disturbance = R::zero();
         if self.config.disturbance > 0.0 {
             let draw = |lane: usize| {
@@ -160,17 +161,21 @@ impl Machine for Pendulum {
             };
             disturbance = R::from_fn(draw);
         }
-        let sound = plant.control_step(&self.config, actions[0], disturbance);
-        let (reward, ended) = task::score(self.config.task, plant, &mut out.terms);
-        out.reward = reward;
-        out.terminated = ended;
-        out.failed = sound.not();
+        plant.control_step(&self.config, actions[0], disturbance)
+    }
+
+    #[inline(always)]
+    fn metrics<R: Real>(&self, plant: &Plant<R>, metrics: &mut [R]) {
+        metrics[0] = plant.tip_height();
+        // Root mean square of the distances: near up the rms angle from it [rad]; 2 when hanging.
+        metrics[1] = (plant.posture.off / R::splat(plant.edges() as f64)).sqrt();
+        metrics[2] = plant.torque;
     }
 
     #[inline(always)]
     fn observe<R: Real>(
         &self,
-        plant: &mut Plant<R>,
+        plant: &Plant<R>,
         lanes: R::Mask,
         streams: &mut [Stream],
         observation: &mut [R],
@@ -192,7 +197,6 @@ impl Machine for Pendulum {
         let state = self.nodes(plant, lane);
         let nodes = state.positions.len();
         let tangent = |k: usize| plant.edge(k).0.lane(lane);
-        scene.machine = "pendulum".into();
         scene.thickness = vec![plant.parameters[at::WIDTH].get(lane); nodes];
         scene.curvature = vec![0.0; nodes];
         for i in 1..nodes - 1 {
@@ -210,5 +214,13 @@ impl Machine for Pendulum {
         let pick =
             |v: &[crate::vec2::Vec2<R>]| v.iter().map(|p| [p.x.get(lane), p.y.get(lane)]).collect();
         NodeState { positions: pick(&plant.motion.x), velocities: pick(&plant.motion.v) }
+    }
+
+    fn bare(given: &Map<String, Value>) -> Result<Box<dyn Simulation>> {
+        Ok(Box::new(BarePendulum::new(given)?))
+    }
+
+    fn simulation<R: Real>(&self, plant: &Plant<R>, lane: usize) -> Box<dyn Simulation> {
+        Box::new(BarePendulum::copy_of(&self.config, plant, lane))
     }
 }

@@ -22,9 +22,20 @@ pub struct Plant<R: Real> {
     pub torque: R,
     /// Action of the last control step.
     pub action: R,
+    /// How the rod stood and moved after the last control step.
+    pub posture: Posture<R>,
     integrator: Integrator<R>,
     /// Where the start of one lane is made, so that an episode begins without taking memory.
     draft: (Rod<f64>, Motion<f64>),
+}
+
+/// What one sweep over the edges tells of a pendulum, for rewards and metrics.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Posture<R> {
+    /// Sum of the squared rates of the edges \[rad^2/s^2\].
+    pub rates: R,
+    /// Sum of the squared distances between tangent and up.
+    pub off: R,
 }
 
 /// How an episode begins, where not drawn.
@@ -55,6 +66,7 @@ impl<R: Real> Plant<R> {
             commands: vec![R::zero(); config.delay / config.substeps + 2],
             torque: R::zero(),
             action: R::zero(),
+            posture: Posture::default(),
             integrator: Integrator::new(config.scheme, config.physics_dt, config.nodes),
             draft: (Rod::new(config.nodes), Motion::new(config.nodes)),
         };
@@ -153,7 +165,27 @@ impl<R: Real> Plant<R> {
                 sound = sound.and(integrator.advance(rod, motion, &drive, steps));
             }
         }
+        self.posture = self.take_posture();
         sound
+    }
+
+    #[inline(always)]
+    fn take_posture(&self) -> Posture<R> {
+        let up = Vec2::new(R::zero(), R::one());
+        let mut posture = Posture { rates: R::zero(), off: R::zero() };
+        for k in 0..self.edges() {
+            let (t, rate) = self.edge(k);
+            let off = t - up;
+            posture.rates += rate * rate;
+            posture.off += off.dot(off);
+        }
+        posture
+    }
+
+    /// Number of edges.
+    #[inline(always)]
+    pub fn edges(&self) -> usize {
+        self.motion.x.len() - 1
     }
 
     /// Height of the tip over the pivot, in lengths of the rod.

@@ -4,6 +4,7 @@
 use rodgym_core::catalog::MakeOptions;
 use rodgym_core::env::*;
 use rodgym_core::error::{Error, Result};
+use rodgym_core::simulation::Simulation;
 use rodgym_server::limits::Limits;
 use rodgym_server::server::Server;
 use rodgym_server::shared::Shared;
@@ -43,6 +44,7 @@ impl Counters {
             action,
             reward_terms: vec!["sum"],
             metrics: vec![],
+            keywords: vec![],
             parameters: vec![Parameter {
                 name: "seed",
                 unit: "",
@@ -175,6 +177,10 @@ impl VectorEnv for Counters {
     }
     fn nodes(&self, _: usize) -> Result<NodeState> {
         Ok(NodeState::default())
+    }
+
+    fn simulation(&self, index: usize) -> Result<Box<dyn Simulation>> {
+        Err(Error::Index { index, num_envs: 0 })
     }
 }
 

@@ -105,7 +105,7 @@ def numbers(name: str, values: npt.ArrayLike, dtype: Any = np.float64) -> npt.ND
 def matrix(name: str, values: npt.ArrayLike) -> Array:
     """Numbers of shape (nodes, 2); the count of nodes is checked elsewhere."""
     array = numbers(name, values)
-    if array.ndim != 2:
+    if array.ndim != 2 or array.shape[1] != 2:
         raise ShapeError(f"{name} has shape {array.shape}, but (nodes, 2) is needed")
     return array
 

@@ -155,6 +155,10 @@ class Machine:
         """Which machine it is: `"pendulum"` or `"fin"`."""
         return str(self._batch.spec["machine"])
 
+    def _simulation(self) -> _native.Simulation:
+        """An exact copy of what runs, as the core has it."""
+        return self._batch.simulation(self._index)
+
     def _needs(self, kind: str) -> None:
         if self.kind != kind:
             mine = {"fin": "fin", "pendulum": "rod"}[self.kind]

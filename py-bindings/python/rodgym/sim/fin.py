@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-import gymnasium as gym
 import numpy.typing as npt
 
-from rodgym import _native
 from rodgym._checks import count, matrix, number, vector
-from rodgym._machine import Array, Machine
-from rodgym.sim._plant import Plant, machine_of
+from rodgym.sim.simulation import Array, Simulation
 
 
-class Fin(Plant[_native.FinSimulation]):
+class Fin(Simulation):
     """The flexible fin, pitched by hand (`step`) or by its servo (`drive`): no task.
 
     It starts straight and at rest, nose at x = -40 mm, pivot at the origin. x points downstream;
@@ -40,21 +37,7 @@ class Fin(Plant[_native.FinSimulation]):
     ```
     """
 
-    def __init__(self, **fin: Any) -> None:
-        self._native = _native.FinSimulation(fin)
-
-    @classmethod
-    def of(cls, machine: Machine | gym.Env[Any, Any]) -> Fin:
-        """The fin of an environment, wrapped or not: this episode's parameters, as it is now.
-
-        The water's momentum follows from the motion; what the second-order stepper remembers of the
-        step before and the low-pass of the commands told does not come along.
-
-        Raises:
-            ParameterError: not one environment with a fin.
-        """
-        bare = machine_of(machine, "fin")
-        return cls._like(bare, free_swimming="hull_speed" in bare.scene()["values"])
+    machine = "fin"
 
     @property
     def loads(self) -> dict[str, float]:
@@ -63,22 +46,22 @@ class Fin(Plant[_native.FinSimulation]):
         `pitch` [rad], `thrust`, `shed_thrust`, `resistive_thrust`, `mount_thrust` [N], `torque`
         [N m], `power` [W].
         """
-        return self._native.loads
+        return self._native.ask("loads")
 
     @property
     def thrust(self) -> float:
         """Force of the water along -x in the last physics step [N]."""
-        return self._native.loads["thrust"]
+        return self.loads["thrust"]
 
     @property
     def torque(self) -> float:
         """Torque of the drive about the pivot in the last physics step [N m]."""
-        return self._native.loads["torque"]
+        return self.loads["torque"]
 
     @property
     def power(self) -> float:
         """Power of the drive in the last physics step [W]."""
-        return self._native.loads["power"]
+        return self.loads["power"]
 
     def step(self, pitch: float, n: int = 1) -> None:
         """`n` physics steps, each ending at this pitch [rad]; the same bits as n steps of one.
@@ -86,7 +69,7 @@ class Fin(Plant[_native.FinSimulation]):
         Raises:
             SolverError: a step failed in its smallest parts; the state is the one before it.
         """
-        self._native.step(number("pitch", pitch, "rad"), count(n))
+        self._step(number("pitch", pitch, "rad"), n)
 
     def drive(self, command: float, n: int = 1) -> None:
         """`n` physics steps under the servo of the environments, told this pitch [rad].
@@ -96,7 +79,7 @@ class Fin(Plant[_native.FinSimulation]):
         Raises:
             SolverError: a step failed in its smallest parts; the state is the one before it.
         """
-        self._native.drive(number("command", command, "rad"), count(n))
+        self._native.act("drive", [[number("command", command, "rad")]], count(n))
 
     def follow(self, pitches: npt.ArrayLike) -> dict[str, Array]:
         """Physics steps that end at these pitches [rad], one after the other.
@@ -105,8 +88,7 @@ class Fin(Plant[_native.FinSimulation]):
             `thrust` [N], `torque` [N m], `power` [W] and `tail` (y of the last node) [m], one
             value a step.
         """
-        trace = self._native.follow(vector("pitches", pitches))
-        return dict(zip(("thrust", "torque", "power", "tail"), trace.T, strict=True))
+        return self._native.act("follow", [vector("pitches", pitches)])
 
     def forces(self, positions: npt.ArrayLike, velocities: npt.ArrayLike) -> dict[str, Any]:
         """Forces in any motion (velocities absolute); the fin itself is not touched.
@@ -117,8 +99,4 @@ class Fin(Plant[_native.FinSimulation]):
             `fluid_energy` T_f [J].
         """
         x, v = matrix("positions", positions), matrix("velocities", velocities)
-        return self._native.forces(x, v)
-
-    def energy(self) -> dict[str, float]:
-        """Energies [J]: `kinetic`, `stretch`, `bend`, `fluid` (relative to the flow), `total`."""
-        return self._native.energy()
+        return self._native.ask("forces", [x.ravel().tolist(), v.ravel().tolist()])

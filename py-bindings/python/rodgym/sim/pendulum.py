@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import gymnasium as gym
 import numpy.typing as npt
 
-from rodgym import _native
 from rodgym._checks import count, number, vector
-from rodgym._machine import Array, Machine
-from rodgym.sim._plant import Plant, machine_of
+from rodgym.sim.simulation import Array, Simulation
 
 
 class Linear(NamedTuple):
@@ -28,7 +25,7 @@ class Linear(NamedTuple):
     C: Array
 
 
-class Pendulum(Plant[_native.PendulumSimulation]):
+class Pendulum(Simulation):
     """The elastic pendulum, driven by a torque on its first edge.
 
     It starts hanging at rest. Angles are from hanging, counter-clockwise; E1 points right, E2 up,
@@ -43,28 +40,17 @@ class Pendulum(Plant[_native.PendulumSimulation]):
         ParameterError: an unknown keyword, or a value outside its range.
     """
 
-    def __init__(self, **rod: Any) -> None:
-        self._native = _native.PendulumSimulation(rod)
-
-    @classmethod
-    def of(cls, machine: Machine | gym.Env[Any, Any]) -> Pendulum:
-        """The pendulum of an environment, wrapped or not, with this episode's parameters and as it
-        is now.
-
-        Raises:
-            ParameterError: not one environment with a pendulum.
-        """
-        return cls._like(machine_of(machine, "pendulum"))
+    machine = "pendulum"
 
     @property
     def angles(self) -> Array:
         """Angles of the edges from hanging, in (-pi, pi] [rad], (nodes - 1,)."""
-        return self._native.angles
+        return self._native.ask("angles")["angles"]
 
     @property
     def rates(self) -> Array:
         """Rates of the edges' angles [rad/s], (nodes - 1,)."""
-        return self._native.rates
+        return self._native.ask("rates")["rates"]
 
     def set_angles(self, angles: npt.ArrayLike, rates: npt.ArrayLike | None = None) -> None:
         """Sets angles [rad] and rates [rad/s] of all edges at their rest lengths; the time goes
@@ -74,7 +60,7 @@ class Pendulum(Plant[_native.PendulumSimulation]):
         """
         first = vector("angles", angles)
         second = [0.0] * len(first) if rates is None else vector("rates", rates)
-        self._native.set_angles(first, second)
+        self._native.act("set_angles", [first, second])
 
     def step(self, torque: float = 0.0, n: int = 1) -> None:
         """`n` physics steps under a constant base torque [N m]; the same bits as n steps of one.
@@ -82,7 +68,7 @@ class Pendulum(Plant[_native.PendulumSimulation]):
         Raises:
             SolverError: a step failed in its smallest parts; the state is the one before it.
         """
-        self._native.step(number("torque", torque, "N m"), count(n))
+        self._step(number("torque", torque, "N m"), n)
 
     def step_feedback(self, constant: float, gain: npt.ArrayLike, n: int = 1) -> None:
         """`n` physics steps under the torque `constant + gain . (theta - pi, rate)` of the new
@@ -96,15 +82,11 @@ class Pendulum(Plant[_native.PendulumSimulation]):
             SolverError: a step failed in its smallest parts; the state is the one before it.
         """
         first = number("constant", constant, "N m")
-        self._native.step_feedback(first, vector("gain", gain), count(n))
-
-    def energy(self) -> dict[str, float]:
-        """Energies [J]: `kinetic`, `stretch`, `bend`, `gravity` and their `total`."""
-        return self._native.energy()
+        self._native.act("step_feedback", [[first], vector("gain", gain)], count(n))
 
     def linearize(self, torque: float = 0.0) -> Linear:
         """The linear motion near the present state and torque [N m].
 
         Poles mean something where that is an equilibrium.
         """
-        return Linear(*self._native.linearize(number("torque", torque, "N m")))
+        return Linear(**self._native.ask("linearize", [[number("torque", torque, "N m")]]))

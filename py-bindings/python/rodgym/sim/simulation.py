@@ -3,34 +3,44 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
 from rodgym import _native
-from rodgym._checks import matrix, refused
-from rodgym._machine import Array, Machine
+from rodgym._checks import count, matrix, refused
 
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-Native = TypeVar("Native", _native.PendulumSimulation, _native.FinSimulation)
+Array = npt.NDArray[np.float64]
 
 
-class Plant(Generic[Native]):
-    """One machine in Rust, by itself."""
+class Simulation:
+    """One bare machine in Rust, by itself."""
 
-    _native: Native
+    #: The word that the core knows the machine by.
+    machine: ClassVar[str]
+    _native: _native.Simulation
+
+    def __init__(self, **keywords: Any) -> None:
+        self._native = _native.Simulation(self.machine, keywords)
 
     @classmethod
-    def _like(cls, machine: Machine, **others: Any) -> Self:
-        """The machine of an environment, with this episode's parameters and as it is now."""
-        config = {**machine.config, **machine.parameters}
-        known = cls().config
-        plant = cls(**{key: value for key, value in config.items() if key in known}, **others)
-        plant.set_state(machine.positions, machine.velocities)
-        return plant
+    def of(cls, env: Any) -> Self:
+        """An exact copy of what runs in an environment, wrapped or not: this episode's parameters,
+        the motion, and what stepper and actuator remember. The next step of both has the same bits.
+
+        Raises:
+            ParameterError: not one environment with this machine.
+        """
+        base = getattr(env, "unwrapped", env)
+        if getattr(base, "kind", None) != cls.machine:
+            raise refused("machine", env, f"one environment of rodgym with a {cls.machine}")
+        twin = object.__new__(cls)
+        twin._native = base._simulation()
+        return twin
 
     @property
     def config(self) -> dict[str, Any]:
@@ -77,6 +87,18 @@ class Plant(Generic[Native]):
         v = np.zeros_like(x) if velocities is None else matrix("velocities", velocities)
         self._native.set_state(x, v)
 
+    def _step(self, value: float, n: int) -> None:
+        """`n` physics steps under a constant input."""
+        self._native.step(value, count(n))
+
+    def energy(self) -> dict[str, float]:
+        """Energies by kind and their `total` [J].
+
+        A pendulum: `kinetic`, `stretch`, `bend`, `gravity`; a fin: `kinetic`, `stretch`, `bend`,
+        `fluid` (relative to the flow).
+        """
+        return self._native.energy()
+
     def __copy__(self) -> Self:
         twin = object.__new__(type(self))
         twin._native = self._native.copy()
@@ -87,11 +109,3 @@ class Plant(Generic[Native]):
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}(nodes={len(self.positions)}, time={self.time:g})"
-
-
-def machine_of(env: Any, kind: str) -> Machine:
-    """The machine of an environment, however it is wrapped."""
-    machine = getattr(env, "unwrapped", env)
-    if not isinstance(machine, Machine) or machine.kind != kind:
-        raise refused("machine", env, f"one environment of rodgym with a {kind}")
-    return machine
