@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rodgym_core::env::Scene;
 use rodgym_core::{Error, Result};
-use rodgym_render::{Painter, default_size};
+use rodgym_render::{Painter, drawing};
 use std::collections::HashMap;
 use std::sync::Mutex;
 
@@ -75,14 +75,15 @@ impl Gallery {
         scene: &Scene,
         size: Size,
     ) -> PyResult<Bound<'py, PyArray3<u8>>> {
-        let (width, height) = full(scene, size);
+        let (width, height) = full(scene, size).or_raise()?;
         let rgb = self.draw(py, index, |painter| painter.render(scene, (width, height)))?;
         PyArray1::from_vec(py, rgb).reshape([height as usize, width as usize, 3])
     }
 
     /// Draws the scene of environment `index` as an SVG document.
     pub fn svg(&self, py: Python<'_>, index: usize, scene: &Scene, size: Size) -> PyResult<String> {
-        self.draw(py, index, |painter| painter.render_svg(scene, full(scene, size)))
+        let size = full(scene, size).or_raise()?;
+        self.draw(py, index, |painter| painter.render_svg(scene, size))
     }
 
     /// Lets the environment's painter draw. The lock is taken without the GIL, so that a thread that
@@ -102,7 +103,8 @@ impl Gallery {
     }
 }
 
-fn full(scene: &Scene, (width, height): Size) -> (u32, u32) {
-    let usual = default_size(&scene.machine);
-    (width.unwrap_or(usual.0), height.unwrap_or(usual.1))
+/// The size asked for; a side left out is the one that suits the machine.
+fn full(scene: &Scene, (width, height): Size) -> Result<(u32, u32)> {
+    let usual = drawing(&scene.machine)?.size;
+    Ok((width.unwrap_or(usual.0), height.unwrap_or(usual.1)))
 }

@@ -6,7 +6,7 @@
 mod scenes;
 
 use rodgym_core::env::Scene;
-use rodgym_render::{Painter, default_size};
+use rodgym_render::{Painter, drawing};
 use std::error::Error;
 use std::fs::File;
 use std::io::BufWriter;
@@ -20,7 +20,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     for (name, film) in
         [("swing", film(swing)), ("fin", film(fin)), ("swim", film(swim)), ("still", film(still))]
     {
-        let usual = default_size(&film[0].machine);
+        let usual = drawing(&film[0].machine).expect("it is drawn").size;
         for size in [usual, (480, 480), (960, 540), (84, 84)] {
             let mut painter = Painter::default();
             let mut best = Duration::MAX;

@@ -2,7 +2,7 @@
 
 /// Red, green, blue, opacity; not premultiplied.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Color(pub [u8; 4]);
+pub struct Color(pub [u8; 4]);
 
 impl Color {
     /// An opaque colour from `0xRRGGBB`.
@@ -24,22 +24,30 @@ impl Color {
     }
 }
 
-pub(crate) const INK: Color = Color::hex(0x2B3742);
-pub(crate) const FAINT_INK: Color = Color::hex(0x7C8A96);
-pub(crate) const PAPER: Color = Color::hex(0xFAF8F4);
-pub(crate) const PAPER_LOW: Color = Color::hex(0xEFEBE3);
-pub(crate) const STEEL: Color = Color::hex(0xB9C0C6);
-pub(crate) const WATER: Color = Color::hex(0xE4F2F5);
-pub(crate) const WATER_LOW: Color = Color::hex(0xC9E2EA);
+/// Outlines and writing.
+pub const INK: Color = Color::hex(0x2B3742);
+/// Writing of less weight.
+pub const FAINT_INK: Color = Color::hex(0x7C8A96);
+/// Top of a background in air.
+pub const PAPER: Color = Color::hex(0xFAF8F4);
+/// Bottom of a background in air.
+pub const PAPER_LOW: Color = Color::hex(0xEFEBE3);
+/// What holds a machine.
+pub const STEEL: Color = Color::hex(0xB9C0C6);
+/// Top of a background in water.
+pub const WATER: Color = Color::hex(0xE4F2F5);
+/// Bottom of a background in water.
+pub const WATER_LOW: Color = Color::hex(0xC9E2EA);
 /// What the tail leaves in the water.
-pub(crate) const DYE: Color = Color::hex(0x2E7F9E);
-pub(crate) const WHITE: Color = Color::hex(0xFFFFFF);
+pub const DYE: Color = Color::hex(0x2E7F9E);
+/// White.
+pub const WHITE: Color = Color::hex(0xFFFFFF);
 /// The actuator: base torque, commanded pitch.
-pub(crate) const ACTUATOR: Color = Color::hex(0x9C2F73);
+pub const ACTUATOR: Color = Color::hex(0x9C2F73);
 /// What is earned: reward, thrust, the place to reach.
-pub(crate) const GAIN: Color = Color::hex(0x0E7C7B);
+pub const GAIN: Color = Color::hex(0x0E7C7B);
 /// What is lost: negative reward, drag.
-pub(crate) const LOSS: Color = Color::hex(0xB5523B);
+pub const LOSS: Color = Color::hex(0xB5523B);
 
 const STRAIGHT: Color = Color::hex(0x3C4854);
 const CLOCKWISE: [Color; 2] = [Color::hex(0x2F6FC4), Color::hex(0x5CA8FF)];
@@ -49,13 +57,13 @@ const COUNTERCLOCKWISE: [Color; 2] = [Color::hex(0xD9761A), Color::hex(0xFFB23E)
 const STEPS: f64 = 24.0;
 
 /// Where a bend stands on the map: a whole number from -24 to 24, +-17 for a bend of +-1.
-pub(crate) fn bend_step(bend: f64) -> i32 {
+pub fn bend_step(bend: f64) -> i32 {
     (bend / bend.hypot(1.0) * STEPS).round() as i32
 }
 
 /// Colour of a step of the map: blue where the rod turns clockwise, orange where it turns
 /// counter-clockwise (told apart by all common kinds of colour blindness), slate where it is straight.
-pub(crate) fn bend_color(step: i32) -> Color {
+pub fn bend_color(step: i32) -> Color {
     let t = step as f32 / STEPS as f32;
     let [middle, end] = if t < 0.0 { CLOCKWISE } else { COUNTERCLOCKWISE };
     let t = t.abs();

@@ -17,17 +17,20 @@
 //! | fin | `hull_position`, `hull_speed` | m, m/s | hull, to which the picture keeps |
 //! | fin | `fluid_force` (arrows) | N | arrow at each node |
 
-mod color;
+pub mod color;
+mod drawings;
 mod fin;
 mod gauges;
-mod past;
+pub mod past;
 mod pendulum;
-mod picture;
+pub mod picture;
 mod raster;
-mod rod;
+pub mod rod;
 mod svg;
 mod text;
-mod view;
+pub mod view;
+
+pub use drawings::{Drawing, drawing, drawings, register};
 
 use past::Past;
 use picture::Picture;
@@ -36,11 +39,6 @@ use rodgym_core::{Error, Result};
 
 /// Smallest and largest width and height \[px\].
 pub const SIZE_LIMITS: (u32, u32) = (16, 8192);
-
-/// Width and height \[px\] that suit a machine: square for the pendulum, wide for the fin.
-pub fn default_size(machine: &str) -> (u32, u32) {
-    if machine == "fin" { (800, 450) } else { (480, 480) }
-}
 
 /// Draws a scene: RGB bytes, row-major (height, width, 3); `size` is (width, height) \[px\].
 ///
@@ -94,14 +92,8 @@ impl Painter {
             }
         }
         view::check(scene)?;
-        let draw = match scene.machine.as_str() {
-            "pendulum" => pendulum::draw,
-            "fin" => fin::draw,
-            other => {
-                return Err(Error::parameter("scene.machine", other, "'pendulum' or 'fin'"));
-            }
-        };
+        let drawing = drawing(&scene.machine)?;
         self.past.note(scene);
-        Ok(draw(scene, &self.past, size))
+        Ok((drawing.draw)(scene, &self.past, size))
     }
 }

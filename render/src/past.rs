@@ -5,12 +5,14 @@ use rodgym_core::env::Scene;
 use std::collections::VecDeque;
 
 /// Steps that are remembered, and that a trace shows.
-pub(crate) const MEMORY: u32 = 200;
+pub const MEMORY: u32 = 200;
 
 /// One picture of the past.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Moment {
+pub struct Moment {
+    /// Steps since the episode began.
     pub step: u32,
+    /// Time since then \[s\].
     pub time: f64,
     /// The last node \[m\].
     pub tip: [f64; 2],
@@ -20,7 +22,8 @@ pub(crate) struct Moment {
 
 /// Moments of one episode in order, the present one last.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Past {
+pub struct Past {
+    /// The oldest first.
     pub moments: VecDeque<Moment>,
 }
 

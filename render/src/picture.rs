@@ -6,41 +6,57 @@ use std::f32::consts::{PI, TAU};
 use tiny_skia::{Path, PathBuilder, Rect};
 
 /// A point in pixels, x to the right, y down.
-pub(crate) type Point = (f32, f32);
+pub type Point = (f32, f32);
 
 /// How a path is painted.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Ink {
+pub enum Ink {
     /// Its inside (non-zero winding).
     Fill,
-    /// Its line, with round caps and joins; `dash` is the length of dashes and gaps \[px\].
-    Stroke { width: f32, dash: Option<f32> },
+    /// Its line, with round caps and joins.
+    Stroke {
+        /// Width of the line \[px\].
+        width: f32,
+        /// Length of dashes and gaps \[px\].
+        dash: Option<f32>,
+    },
 }
 
 /// A path with its paint.
-pub(crate) struct Shape {
+pub struct Shape {
+    /// Its outline \[px\].
     pub path: Path,
+    /// Its colour.
     pub color: Color,
+    /// How it is painted.
     pub ink: Ink,
 }
 
 /// Which point of a text is given.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Align {
+pub enum Align {
+    /// Its left end.
     Left,
+    /// Its middle.
     Center,
+    /// Its right end.
     Right,
 }
 
 /// Shapes before a background that runs from one colour (top) to another (bottom).
-pub(crate) struct Picture {
+pub struct Picture {
+    /// Width \[px\].
     pub width: u32,
+    /// Height \[px\].
     pub height: u32,
+    /// Colours at top and bottom.
     pub background: [Color; 2],
+    /// From back to front.
     pub shapes: Vec<Shape>,
 }
 
 impl Picture {
+    /// A picture with nothing but its background; `size` is (width, height) \[px\].
     pub fn new(size: (u32, u32), background: [Color; 2]) -> Self {
         Picture { width: size.0, height: size.1, background, shapes: Vec::with_capacity(96) }
     }
@@ -57,22 +73,27 @@ impl Picture {
         }
     }
 
+    /// Adds a filled polygon.
     pub fn polygon(&mut self, points: &[Point], color: Color) {
         self.add(path_through(points, true), color, Ink::Fill);
     }
 
+    /// Adds a line through points.
     pub fn line(&mut self, points: &[Point], width: f32, color: Color) {
         self.add(path_through(points, false), color, Ink::Stroke { width, dash: None });
     }
 
+    /// Adds a dashed line through points.
     pub fn dashed(&mut self, points: &[Point], width: f32, dash: f32, color: Color) {
         self.add(path_through(points, false), color, Ink::Stroke { width, dash: Some(dash) });
     }
 
+    /// Adds a filled circle.
     pub fn disc(&mut self, center: Point, radius: f32, color: Color) {
         self.add(PathBuilder::from_circle(center.0, center.1, radius), color, Ink::Fill);
     }
 
+    /// Adds a circle as a line.
     pub fn ring(&mut self, center: Point, radius: f32, width: f32, color: Color) {
         let path = PathBuilder::from_circle(center.0, center.1, radius);
         self.add(path, color, Ink::Stroke { width, dash: None });
@@ -181,7 +202,7 @@ impl Picture {
 }
 
 /// The polyline through `points`.
-pub(crate) fn path_through(points: &[Point], close: bool) -> Option<Path> {
+pub fn path_through(points: &[Point], close: bool) -> Option<Path> {
     let mut path = PathBuilder::with_capacity(points.len() + 1, points.len());
     let (first, rest) = points.split_first()?;
     path.move_to(first.0, first.1);
@@ -195,7 +216,7 @@ pub(crate) fn path_through(points: &[Point], close: bool) -> Option<Path> {
 }
 
 /// Points on a circle, for lines that are not closed shapes.
-pub(crate) fn circle(center: Point, radius: f32) -> Vec<Point> {
+pub fn circle(center: Point, radius: f32) -> Vec<Point> {
     (0..=96)
         .map(|i| {
             let a = TAU * i as f32 / 96.0;

@@ -27,7 +27,7 @@ impl Section {
 }
 
 /// A rod ready to be painted.
-pub(crate) struct Rod {
+pub struct Rod {
     sections: Vec<Section>,
 }
 

@@ -5,7 +5,7 @@ use rodgym_core::env::Scene;
 use rodgym_core::{Error, Result};
 
 /// Where the world lies in the picture.
-pub(crate) struct View {
+pub struct View {
     /// World point \[m\] that is shown at `pixel`.
     pub world: [f64; 2],
     /// Where `world` is shown \[px\].
@@ -47,7 +47,7 @@ impl View {
 }
 
 /// Refuses a scene that cannot be drawn.
-pub(crate) fn check(scene: &Scene) -> Result<()> {
+pub fn check(scene: &Scene) -> Result<()> {
     let n = scene.nodes.len();
     let shape = |name: &str, got: usize, expected: String| {
         Err(Error::Shape { name: name.into(), got: format!("({got},)"), expected })
@@ -78,12 +78,12 @@ pub(crate) fn check(scene: &Scene) -> Result<()> {
 }
 
 /// A named number of the scene; `None` when it is absent or not finite.
-pub(crate) fn value(scene: &Scene, name: &str) -> Option<f64> {
+pub fn value(scene: &Scene, name: &str) -> Option<f64> {
     scene.values.get(name)?.as_f64().filter(|v| v.is_finite())
 }
 
 /// Named vectors with the nodes that they start from; vectors that are not finite are left out.
-pub(crate) fn arrows(scene: &Scene, name: &str) -> Vec<([f64; 2], [f64; 2])> {
+pub fn arrows(scene: &Scene, name: &str) -> Vec<([f64; 2], [f64; 2])> {
     let list = scene.arrows.get(name).and_then(|v| v.as_array());
     let vector = |v: &serde_json::Value| {
         let (x, y) = (v.get(0)?.as_f64()?, v.get(1)?.as_f64()?);

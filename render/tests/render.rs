@@ -5,7 +5,7 @@ mod scenes;
 
 use rodgym_core::Error;
 use rodgym_core::env::Scene;
-use rodgym_render::{Painter, SIZE_LIMITS, default_size, render, render_svg};
+use rodgym_render::{Painter, SIZE_LIMITS, drawing, render, render_svg};
 use scenes::{fin, pendulum};
 use serde_json::json;
 use std::f64::consts::PI;
@@ -31,7 +31,9 @@ fn pendulum_pixel(size: u32, [x, y]: [f64; 2]) -> (u32, u32) {
 #[test]
 fn every_size_gives_three_bytes_a_pixel() {
     for scene in [pendulum(&[1.0, 2.0], 0.01), fin(&STRAIGHT_FIN, 0.0)] {
-        for size in [(480, 480), (960, 540), (64, 64), (16, 300), (301, 17), default_size("fin")] {
+        for size in
+            [(480, 480), (960, 540), (64, 64), (16, 300), (301, 17), drawing("fin").unwrap().size]
+        {
             let rgb = render(&scene, size).unwrap();
             assert_eq!(rgb.len(), (3 * size.0 * size.1) as usize, "{size:?}");
         }

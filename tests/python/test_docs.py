@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import ast
 import doctest
 import importlib
+import re
 import runpy
 import warnings
 from pathlib import Path
@@ -11,7 +13,9 @@ from pathlib import Path
 import gymnasium as gym
 import pytest
 from conftest import SWING_UP
+from rodgym.errors import ParameterError
 
+THRUST = "rodgym/FinThrust-v0"
 DOCS = sorted((Path(__file__).parents[2] / "docs").glob("*.md"))
 
 
@@ -39,16 +43,34 @@ def test_environment_pages_are_those_of_the_docstrings():
         assert written == pages["page"](title, environment), "run python docs/pages.py"
 
 
-def test_the_page_lists_every_keyword_with_default_and_unit():
-    env = gym.make(SWING_UP).unwrapped
+@pytest.mark.parametrize(("page", "env_id"), [("pendulum.md", SWING_UP), ("fin.md", THRUST)])
+def test_the_page_lists_every_keyword_with_default_range_and_unit(page, env_id):
+    env = gym.make(env_id).unwrapped
     rows = {}
-    for line in (DOCS[0].parent / "pendulum.md").read_text().split("## Arguments")[1].splitlines():
+    for line in (DOCS[0].parent / page).read_text().split("## Arguments")[1].splitlines():
         cells = [cell.strip() for cell in line.strip("| \n").split("|")]
         if line.startswith("| `"):
             rows[cells[0].strip("`")] = cells[1:]
-    assert set(rows) == {*env.config, "render_mode"}
-    for parameter in env._batch.spec["parameters"]:
-        default, unit, _ = rows[parameter["name"]]
+    assert set(rows) == {*env.config, "render_mode", "render_size"}
+    for parameter in env.core_spec["parameters"]:
+        default, allowed, unit, _ = rows[parameter["name"]]
+        low, high = (float(bound) for bound in allowed.split(" to "))
         assert float(default) == parameter["default"] and unit == parameter["unit"]
-    assert int(rows["nodes"][0]) == env.config["nodes"]
+        assert (low, high) == (parameter["low"], parameter["high"])
     assert float(rows["control_dt"][0]) == env.config["control_dt"]
+    # What the page calls a default is what an environment takes without the keyword.
+    for name in ("sensor_noise", "actuator_delay", "thesis", "observation"):
+        given = ast.literal_eval(rows[name][0])
+        assert gym.make(env_id, **{name: given}).unwrapped.config == env.config
+
+
+def test_a_keyword_that_is_out_of_its_documented_range_is_refused():
+    for env_id in (SWING_UP, THRUST):
+        for row in gym.make(env_id).unwrapped.core_spec["keywords"]:
+            numbers = re.fullmatch(
+                r"(?:a number|an integer) from (\S+) to (\S+?)(, or None)?", row["allowed"]
+            )
+            if numbers:
+                too_large = type(ast.literal_eval(numbers[2]))(2 * float(numbers[2]) + 1)
+                with pytest.raises(ParameterError, match=re.escape(row["allowed"].split(",")[0])):
+                    gym.make(env_id, **{row["name"]: too_large})

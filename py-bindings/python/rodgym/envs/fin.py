@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from rodgym.envs.arguments import documented
 from rodgym.envs.rod_env import RodEnv
 
 
+@documented("rodgym/FinThrust-v0")
 class FinEnv(RodEnv):
     r"""A flexible fin that is pitched near its nose and pushed by the water that it moves.
 
@@ -161,35 +163,7 @@ class FinEnv(RodEnv):
 
     ## Arguments
 
-    | keyword | default | unit | meaning |
-    |---|---|---|---|
-    | `youngs_modulus` | 2.5e5 | Pa | Young's modulus |
-    | `damping` | 0 | kg/s | force -damping v at each node |
-    | `bending_damping` | 0 | s | Kelvin-Voigt bending damping |
-    | `density` | 1100 | kg/m^3 | density of the fin |
-    | `flow_speed` | 0.05 | m/s | speed of the water (Swim: 0, the water is at rest) |
-    | `added_mass_coefficient` | 0.5 | | added mass over that of a long plate |
-    | `friction_coefficient` | 0.016 | | friction along the fin |
-    | `drag_coefficient` | 1.2 | | drag across the fin |
-    | `hull_mass` | 1 | kg | mass of the hull (Swim) |
-    | `hull_drag_area` | 0.006 | m^2 | drag coefficient times frontal area of the hull (Swim) |
-    | `hydrodynamics` | `"lighthill"` | | or `"morison"`, `"resistive"`, `"air"` |
-    | `pitch_limit` | 0.349 | rad | pitch at action 1, at most 30 degrees |
-    | `command_cutoff` | 3 | Hz | cut-off of the low-pass of the command, None: no low-pass |
-    | `power_weight` | 1 | 1 | factor of the reward's power term (0.5 with `thesis=True`) |
-    | `geometry` | Table 3.1 | m, m^2 | {"edge_length", "height", "pivot", "widths", "areas"} |
-    | `stiffness_profile` | 1 at each node | 1 | multiplies `youngs_modulus`, node by node |
-    | `observation` | `"full"` | | `"full"` or `"camera"` |
-    | `control_dt` | 0.04 | s | duration of a step, a multiple of `physics_dt` |
-    | `physics_dt` | chosen | s | 4e-3 with BDF2, 1e-3 with backward Euler |
-    | `stepper` | `"auto"` | | `"bdf2"` (auto) or `"backward_euler"` |
-    | `start_pitch` | (-0.1, 0.1) | rad | range of the start pitch |
-    | `demand` | (0.02, 0.15) | N | range of the demanded thrust (Efficiency) |
-    | `randomize` | see above | | {parameter: (low, high)}, drawn each episode |
-    | `sensor_noise` | {} | rad, rad/s | {"angle": std, "rate": std} |
-    | `actuator_delay` | 0 | s | by which the command lags behind the action |
-    | `thesis` | False | | the thesis' material (8.11 MPa, damping 0.1238 kg/s) and stepper |
-    | `render_mode` | None | | `"rgb_array"`, `"human"` |
+    [arguments]
 
     ```python
     >>> import gymnasium as gym

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from rodgym.envs.arguments import documented
 from rodgym.envs.rod_env import RodEnv
 
 
+@documented("rodgym/PendulumSwingUp-v0")
 class PendulumEnv(RodEnv):
     r"""A flexible rod, hinged at its base, driven by a torque there.
 
@@ -86,29 +88,7 @@ class PendulumEnv(RodEnv):
 
     ## Arguments
 
-    | keyword | default | unit | meaning |
-    |---|---|---|---|
-    | `width` | 0.007 | m | side of the rod's square section |
-    | `length` | 0.3 | m | length at rest |
-    | `density` | 1500 | kg/m^3 | density |
-    | `youngs_modulus` | 1e7 | Pa | Young's modulus |
-    | `damping` | 0 | kg/s | force -damping v at each node |
-    | `bending_damping` | 5e-4 | s | Kelvin-Voigt bending damping |
-    | `gravity` | 9.81 | m/s^2 | pointing down |
-    | `torque_limit` | 0.05 | N m | base torque at action 1 |
-    | `nodes` | 7 | 1 | 2 to 1001 |
-    | `observation` | `"full"` | | `"full"`, `"base"` or `"tip"` |
-    | `control_dt` | 0.01 | s | duration of a step, a multiple of `physics_dt` |
-    | `physics_dt` | chosen | s | 2e-4 with Verlet, 1e-3 with an implicit stepper |
-    | `stepper` | `"auto"` | | `"verlet"` where stable, `"backward_euler"`, `"implicit"` |
-    | `start_angle` | see above | rad | (low, high) of the start angle from hanging |
-    | `start_bend` | see above | rad | (low, high) of the angle's growth along the rod |
-    | `randomize` | {} | | {parameter: (low, high)}, drawn each episode |
-    | `sensor_noise` | {} | rad, rad/s | {"angle": std, "rate": std} |
-    | `actuator_delay` | 0 | s | lag of the torque: a multiple of `physics_dt`, to 10 `control_dt` |
-    | `torque_disturbance` | 0 | N m | standard deviation of a torque drawn each step |
-    | `thesis` | False | | the thesis' parameters, stepper and step |
-    | `render_mode` | None | | `"rgb_array"`, `"human"` |
+    [arguments]
 
     ```python
     >>> import gymnasium as gym

@@ -65,12 +65,21 @@ def describe(name: str) -> str:
         (f"{low:g}", f"{high:g}", what)
         for low, high, what in zip(*(spec["observation"][k] for k in SPACE), strict=True)
     ]
+    head = ("keyword", "default", "allowed", "unit", "what")
     keywords = [
         (p["name"], f"{p['default']:g}", f"{p['low']:g} to {p['high']:g}", p["unit"], p["doc"])
         for p in spec["parameters"]
     ]
-    named = {p["name"] for p in spec["parameters"]}
-    others = [(key, str(value)) for key, value in spec["config"].items() if key not in named]
+    others = [
+        (
+            k["name"],
+            shown(spec["config"][k["name"]], k["default"]),
+            k["allowed"],
+            k["unit"],
+            k["doc"],
+        )
+        for k in spec["keywords"]
+    ]
     return "\n\n".join(
         [
             f"{name}: {spec['default_max_episode_steps']} steps of {spec['control_dt']:g} s",
@@ -80,9 +89,16 @@ def describe(name: str) -> str:
             f"info at every step\n  reward_terms, {', '.join(spec['metrics'])}",
             "physical parameters (fixed, randomised, or set at reset)\n"
             + table([("keyword", "default", "allowed", "unit", "what"), *keywords]),
-            "other keywords\n" + table([("keyword", "default"), *others]),
+            "other keywords\n"
+            + table([("keyword", "default", "allowed", "unit", "what"), *others]),
         ]
     )
+
+
+def shown(value: Any, words: str) -> str:
+    """A default as this environment has it, or in words where that would fill the line."""
+    text = str(value)
+    return text if len(text) <= 60 else words
 
 
 def native_spec(name: str) -> dict[str, Any]:
