@@ -87,10 +87,8 @@ def describe(name: str) -> str:
             f"action\n  {', '.join(spec['action']['names'])}",
             f"reward, the sum of\n  {', '.join(spec['reward_terms'])}",
             f"info at every step\n  reward_terms, {', '.join(spec['metrics'])}",
-            "physical parameters (fixed, randomised, or set at reset)\n"
-            + table([("keyword", "default", "allowed", "unit", "what"), *keywords]),
-            "other keywords\n"
-            + table([("keyword", "default", "allowed", "unit", "what"), *others]),
+            "physical parameters (fixed, randomised, or set at reset)\n" + table([head, *keywords]),
+            "other keywords\n" + table([head, *others]),
         ]
     )
 
