@@ -64,11 +64,14 @@ fn physics(criterion: &mut Criterion) {
 }
 
 fn batch(criterion: &mut Criterion) {
+    let pendulums = variants().map(|(name, kwargs)| (name, ID, kwargs));
+    let fins =
+        [("fin", "rodgym/FinThrust-v0", json!({})), ("swimmer", "rodgym/FinSwim-v0", json!({}))];
     let mut group = criterion.benchmark_group("batch");
     group.throughput(Throughput::Elements(ENVS as u64)).sample_size(10);
-    for (name, kwargs) in variants() {
+    for (name, id, kwargs) in pendulums.into_iter().chain(fins) {
         let mut env = make(&MakeOptions {
-            id: ID.into(),
+            id: id.into(),
             num_envs: ENVS,
             kwargs: map(&kwargs),
             autoreset_mode: AutoresetMode::NextStep,

@@ -15,7 +15,7 @@ const HEADER: usize = 6 + 2 + 4 + 4;
 /// Everything that the future of one environment depends on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Snapshot {
-    /// Every number of the plant, in the order of its `visit`.
+    /// Every number of the plant, in the order of `Lanewise::visit`.
     pub numbers: Vec<f64>,
     /// Random stream.
     pub stream: Stream,

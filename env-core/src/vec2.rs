@@ -48,17 +48,6 @@ impl<R: Real> Vec2<R> {
     pub fn select(mask: R::Mask, yes: Self, no: Self) -> Self {
         Vec2 { x: R::select(mask, yes.x, no.x), y: R::select(mask, yes.y, no.y) }
     }
-    /// The vector of one lane.
-    #[inline(always)]
-    pub fn lane(&self, lane: usize) -> Vec2<f64> {
-        Vec2 { x: self.x.get(lane), y: self.y.get(lane) }
-    }
-    /// Replaces the vector of one lane.
-    #[inline(always)]
-    pub fn set_lane(&mut self, lane: usize, v: Vec2<f64>) {
-        self.x.set(lane, v.x);
-        self.y.set(lane, v.y);
-    }
 }
 
 impl<R: Real> Add for Vec2<R> {

@@ -3,7 +3,7 @@
 
 use rodgym_core::fin::{Design, Geometry, Parameters, Plant, Scheme as FinScheme};
 use rodgym_core::fluid::Hydrodynamics;
-use rodgym_core::lane::{Lanes, Mask, Real};
+use rodgym_core::lane::{Lanes, Lanewise, Mask, Real};
 use rodgym_core::rod::{Motion, Rod, Uniform};
 use rodgym_core::seed::Stream;
 use rodgym_core::stepper::{Constant, Integrator, Scheme};
@@ -38,7 +38,7 @@ fn torn(seed: u64) -> Motion<f64> {
 
 fn bits(motion: &Motion<f64>) -> Vec<u64> {
     let mut bits = vec![];
-    motion.clone().visit(&mut |x| bits.push(x.to_bits()));
+    motion.visit(&mut |x| bits.push(x.to_bits()));
     bits
 }
 

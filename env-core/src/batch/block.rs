@@ -5,7 +5,7 @@ use super::task::{Outcome, Scorer};
 use crate::env::{AutoresetMode, Scene, Spec, StepData};
 use crate::error::{Error, Result};
 use crate::isa::{Isa, Kernel, dispatch};
-use crate::lane::{Mask, Real};
+use crate::lane::{Lanewise, Mask, Real};
 use crate::seed::Stream;
 use crate::snapshot::Snapshot;
 
@@ -254,7 +254,7 @@ impl<M: Machine, R: Real> Block<M, R> {
     /// Everything about one environment.
     pub fn snapshot(&self, lane: usize) -> Snapshot {
         let mut numbers = Vec::new();
-        M::numbers(&self.plant, &mut |x| numbers.push(x.get(lane)));
+        self.plant.visit(&mut |x| numbers.push(x.get(lane)));
         let clock = &self.clocks[lane];
         Snapshot {
             numbers,
@@ -272,7 +272,7 @@ impl<M: Machine, R: Real> Block<M, R> {
     /// Puts a snapshot in place of one environment.
     pub fn restore(&mut self, lane: usize, saved: &Snapshot) -> Result<()> {
         let mut count = 0;
-        M::numbers(&self.plant, &mut |_| count += 1);
+        self.plant.visit(&mut |_| count += 1);
         let fits = saved.numbers.len() == count
             && saved.action.len() == self.actions.len()
             && saved.observation.len() == self.observation.len();
@@ -283,7 +283,7 @@ impl<M: Machine, R: Real> Block<M, R> {
             return Err(Error::snapshot("it holds a number that is not finite"));
         }
         let mut next = saved.numbers.iter();
-        M::visit(&mut self.plant, &mut |x| x.set(lane, *next.next().expect("counted above")));
+        self.plant.visit_mut(&mut |x| x.set(lane, *next.next().expect("counted above")));
         for (slot, action) in self.actions.iter_mut().zip(&saved.action) {
             slot.set(lane, *action);
         }

@@ -3,7 +3,7 @@
 use crate::env::{NodeState, Parameter, ResetOptions, Scene, Space};
 use crate::error::Result;
 use crate::keywords::Keyword;
-use crate::lane::Real;
+use crate::lane::{Lanewise, Real};
 use crate::seed::Stream;
 use crate::simulation::Simulation;
 use serde_json::{Map, Value};
@@ -21,8 +21,9 @@ pub trait Machine: Clone + Send + Sync + Sized + 'static {
     const KEYWORDS: &'static [Keyword];
     /// What a task asks of it beside the user's keywords.
     type Setup: Default;
-    /// `R::LANES` environments side by side: parameters, state, memory for the steppers.
-    type Plant<R: Real>: Clone + Send;
+    /// `R::LANES` environments side by side: parameters, state, memory for the steppers. Its numbers are all that the
+    /// future depends on.
+    type Plant<R: Real>: Lanewise<R> + Clone + Send;
     /// Checked reset options.
     type Start: Send + Sync + Default;
 
@@ -76,12 +77,6 @@ pub trait Machine: Clone + Send + Sync + Sized + 'static {
         streams: &mut [Stream],
         observation: &mut [R],
     );
-    /// Calls `f` with every number that the future depends on, always in the same order.
-    fn visit<R: Real>(plant: &mut Self::Plant<R>, f: &mut dyn FnMut(&mut R));
-    /// The same for reading.
-    fn numbers<R: Real>(plant: &Self::Plant<R>, f: &mut dyn FnMut(R)) {
-        Self::visit(&mut plant.clone(), &mut |x| f(*x));
-    }
     /// Writes the parameters in force in a lane, in the order of the table.
     fn parameters<R: Real>(&self, plant: &Self::Plant<R>, lane: usize, out: &mut [f64]);
     /// Fills in what there is to draw; clock, action and reward are the caller's.

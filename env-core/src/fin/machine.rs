@@ -150,10 +150,6 @@ impl Machine for Fin {
         sensors::observe(&self.config, rig, lanes, streams, observation);
     }
 
-    fn visit<R: Real>(rig: &mut Rig<R>, f: &mut dyn FnMut(&mut R)) {
-        rig.visit(f);
-    }
-
     fn parameters<R: Real>(&self, rig: &Rig<R>, lane: usize, out: &mut [f64]) {
         for (to, from) in out.iter_mut().zip(&rig.parameters) {
             *to = from.get(lane);

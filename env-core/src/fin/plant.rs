@@ -5,7 +5,8 @@ use super::parameters::Parameters;
 use super::step::Workspace;
 use crate::error::{Error, Result};
 use crate::fluid::{Hydrodynamics, Water};
-use crate::lane::Real;
+use crate::lane::{Lanewise, Real};
+use crate::lanewise;
 use crate::rod::Rod;
 use crate::vec2::Vec2;
 use std::sync::Arc;
@@ -109,30 +110,13 @@ pub struct Instant<R> {
     pub p: Vec<Vec2<R>>,
 }
 
+lanewise!(Instant: x, v, p);
+
 impl<R: Real> Instant<R> {
     /// Memory for `nodes` nodes.
     pub fn new(nodes: usize) -> Self {
         let zeros = || vec![Vec2::zero(); nodes];
         Instant { x: zeros(), v: zeros(), p: zeros() }
-    }
-
-    /// Calls `f` with every number, always in the same order.
-    pub fn visit(&mut self, f: &mut dyn FnMut(&mut R)) {
-        for node in self.x.iter_mut().chain(&mut self.v).chain(&mut self.p) {
-            f(&mut node.x);
-            f(&mut node.y);
-        }
-    }
-
-    /// Takes the numbers of `other` where the mask is set.
-    #[inline(always)]
-    pub fn take(&mut self, mask: R::Mask, other: &Instant<R>) {
-        let columns = [(&mut self.x, &other.x), (&mut self.v, &other.v), (&mut self.p, &other.p)];
-        for (to, from) in columns {
-            for (a, b) in to.iter_mut().zip(from) {
-                *a = Vec2::select(mask, *b, *a);
-            }
-        }
     }
 }
 
@@ -155,57 +139,13 @@ pub struct Loads<R> {
     pub positive_power: R,
 }
 
-impl<R: Real> Loads<R> {
-    /// Calls `f` with every number, always in the same order.
-    pub fn visit(&mut self, f: &mut dyn FnMut(&mut R)) {
-        for number in [
-            &mut self.thrust,
-            &mut self.shed_thrust,
-            &mut self.resistive_thrust,
-            &mut self.mount_thrust,
-            &mut self.torque,
-            &mut self.power,
-            &mut self.positive_power,
-        ] {
-            f(number);
-        }
-    }
+lanewise!(Loads: thrust, shed_thrust, resistive_thrust, mount_thrust, torque, power, positive_power);
 
+impl<R: Real> Loads<R> {
     /// Adds `weight` times other loads.
     #[inline(always)]
     pub fn add(&mut self, weight: R, other: &Loads<R>) {
-        self.thrust += weight * other.thrust;
-        self.shed_thrust += weight * other.shed_thrust;
-        self.resistive_thrust += weight * other.resistive_thrust;
-        self.mount_thrust += weight * other.mount_thrust;
-        self.torque += weight * other.torque;
-        self.power += weight * other.power;
-        self.positive_power += weight * other.positive_power;
-    }
-
-    /// Copies one lane out.
-    pub fn lane(&self, lane: usize) -> Loads<f64> {
-        let mut from = *self;
-        let mut numbers = Vec::new();
-        from.visit(&mut |x| numbers.push(x.get(lane)));
-        let (mut to, mut next) = (Loads::default(), numbers.into_iter());
-        to.visit(&mut |x| *x = next.next().expect("as many numbers"));
-        to
-    }
-
-    /// `yes` where the mask is set, `no` elsewhere.
-    #[inline(always)]
-    pub fn select(mask: R::Mask, yes: &Loads<R>, no: &Loads<R>) -> Loads<R> {
-        let pick = |a, b| R::select(mask, a, b);
-        Loads {
-            thrust: pick(yes.thrust, no.thrust),
-            shed_thrust: pick(yes.shed_thrust, no.shed_thrust),
-            resistive_thrust: pick(yes.resistive_thrust, no.resistive_thrust),
-            mount_thrust: pick(yes.mount_thrust, no.mount_thrust),
-            torque: pick(yes.torque, no.torque),
-            power: pick(yes.power, no.power),
-            positive_power: pick(yes.positive_power, no.positive_power),
-        }
+        self.pair(other, &mut |sum, load| *sum += weight * *load);
     }
 }
 
@@ -236,6 +176,8 @@ pub struct Plant<R> {
     pub loads: Loads<R>,
     pub(super) work: Workspace<R>,
 }
+
+lanewise!(Plant: rod, water, hull_mass, hull_drag, now, before, history, pitch, loads);
 
 impl<R: Real> Plant<R> {
     /// Fins of this design, straight and at rest, with the default parameters in every lane.
@@ -296,8 +238,8 @@ impl<R: Real> Plant<R> {
             Vec2::new(s * cosine, s * sine)
         };
         for i in 0..self.now.x.len() {
-            self.now.x[i].set_lane(lane, place(i));
-            self.now.v[i].set_lane(lane, Vec2::zero());
+            self.now.x[i].set_lane(lane, &place(i));
+            self.now.v[i].set_lane(lane, &Vec2::zero());
         }
         self.settle(lane, pitch);
     }
@@ -311,8 +253,8 @@ impl<R: Real> Plant<R> {
         pitch: f64,
     ) {
         for i in 0..positions.len() {
-            self.now.x[i].set_lane(lane, positions[i]);
-            self.now.v[i].set_lane(lane, velocities[i]);
+            self.now.x[i].set_lane(lane, &positions[i]);
+            self.now.v[i].set_lane(lane, &velocities[i]);
         }
         self.settle(lane, pitch);
     }
@@ -322,60 +264,21 @@ impl<R: Real> Plant<R> {
         let mut momentum = std::mem::take(&mut self.work.momentum);
         self.water_momentum(&self.now.x, &self.now.v, &mut momentum);
         for (p, q) in self.now.p.iter_mut().zip(&momentum) {
-            p.set_lane(lane, q.lane(lane));
+            p.set_lane(lane, &q.lane(lane));
         }
         self.work.momentum = momentum;
         // `before` is kept finite although it is not read, so that snapshots of equal states are equal.
-        for i in 0..self.now.x.len() {
-            self.before.x[i].set_lane(lane, self.now.x[i].lane(lane));
-            self.before.v[i].set_lane(lane, self.now.v[i].lane(lane));
-            self.before.p[i].set_lane(lane, self.now.p[i].lane(lane));
-        }
+        self.before.pair(&self.now, &mut |to, from| to.set(lane, from.get(lane)));
         self.history.set(lane, 0.0);
         self.pitch.set(lane, pitch);
-        self.loads.visit(&mut |x| x.set(lane, 0.0));
-    }
-
-    /// Calls `f` with every number that the future depends on, always in the same order.
-    pub fn visit(&mut self, f: &mut dyn FnMut(&mut R)) {
-        self.rod.visit(f);
-        let water = &mut self.water;
-        let coefficients =
-            [&mut water.added_mass, &mut water.drag, &mut water.friction, &mut water.flow_speed];
-        coefficients.into_iter().for_each(&mut *f);
-        f(&mut self.hull_mass);
-        f(&mut self.hull_drag);
-        self.now.visit(f);
-        self.before.visit(f);
-        f(&mut self.history);
-        f(&mut self.pitch);
-        self.loads.visit(f);
+        self.loads.visit_mut(&mut |x| x.set(lane, 0.0));
     }
 
     /// Copies one lane out.
     pub fn lane(&self, lane: usize) -> Plant<f64> {
-        let instant = |from: &Instant<R>| {
-            let pick = |v: &[Vec2<R>]| v.iter().map(|p| p.lane(lane)).collect();
-            Instant { x: pick(&from.x), v: pick(&from.v), p: pick(&from.p) }
-        };
-        Plant {
-            design: self.design.clone(),
-            rod: self.rod.lane(lane),
-            water: Water {
-                added_mass: self.water.added_mass.get(lane),
-                drag: self.water.drag.get(lane),
-                friction: self.water.friction.get(lane),
-                flow_speed: self.water.flow_speed.get(lane),
-            },
-            perimeter: self.perimeter.clone(),
-            hull_mass: self.hull_mass.get(lane),
-            hull_drag: self.hull_drag.get(lane),
-            now: instant(&self.now),
-            before: instant(&self.before),
-            history: self.history.get(lane),
-            pitch: self.pitch.get(lane),
-            loads: self.loads.lane(lane),
-            work: Workspace::new(self.nodes()),
-        }
+        let design = Design::clone(&self.design);
+        let mut one = Plant::new(design).expect("checked when this plant was made");
+        self.read_lane(lane, &mut one);
+        one
     }
 }

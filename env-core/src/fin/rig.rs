@@ -4,7 +4,8 @@ use super::config::Config;
 use super::parameters::Parameters;
 use super::plant::{Loads, Plant};
 use super::servo::Servo;
-use crate::lane::{Mask, Real};
+use crate::lane::{Lanewise, Mask, Real};
+use crate::lanewise;
 use crate::seed::Stream;
 use crate::vec2::Vec2;
 
@@ -41,6 +42,8 @@ pub struct Stroke<R> {
     pub width: R,
 }
 
+lanewise!(Stroke: since, started, high, low, frequency, width);
+
 /// A fin, its servo and its measurements.
 #[derive(Clone, Debug)]
 pub struct Rig<R: Real> {
@@ -67,6 +70,10 @@ pub struct Rig<R: Real> {
     /// Frequency and wake.
     pub stroke: Stroke<R>,
 }
+
+lanewise!(
+    Rig: parameters, fin, servo, commands, mean, smooth_thrust, demand, impulse, work, speed, stroke
+);
 
 impl<R: Real> Rig<R> {
     /// All lanes straight and at rest, with the first value of each parameter's range.
@@ -105,6 +112,8 @@ impl<R: Real> Rig<R> {
 
     /// Draws and sets the start of an episode: parameters in the table's order, pitch, demand.
     pub fn begin(&mut self, config: &Config, lane: usize, stream: &mut Stream, start: &Start) {
+        // Nothing has been measured yet.
+        self.visit_mut(&mut |x| x.set(lane, 0.0));
         for (i, draw) in config.draws.iter().enumerate() {
             let drawn = draw.draw(stream);
             let value = start.parameters.get(i).copied().flatten().unwrap_or(drawn);
@@ -122,42 +131,11 @@ impl<R: Real> Rig<R> {
             let (e, de) = (x[pivot + 1] - x[pivot], v[pivot + 1] - v[pivot]);
             rate = e.cross(de) / e.dot(e);
         }
-        self.measurements(&mut |x| x.set(lane, 0.0));
         self.demand.set(lane, demand);
         // The servo stands still until it is told otherwise.
         let command = (pitch / config.pitch_limit).clamp(-1.0, 1.0);
         self.servo.place(lane, pitch, rate, command * config.pitch_limit);
         self.commands.iter_mut().for_each(|c| c.set(lane, command));
-    }
-
-    /// Calls `f` with every number that is not the fin's own motion.
-    fn measurements(&mut self, f: &mut dyn FnMut(&mut R)) {
-        self.servo.visit(f);
-        self.commands.iter_mut().for_each(&mut *f);
-        self.mean.visit(f);
-        let stroke = &mut self.stroke;
-        for number in [
-            &mut self.smooth_thrust,
-            &mut self.demand,
-            &mut self.impulse,
-            &mut self.work,
-            &mut self.speed,
-            &mut stroke.since,
-            &mut stroke.started,
-            &mut stroke.high,
-            &mut stroke.low,
-            &mut stroke.frequency,
-            &mut stroke.width,
-        ] {
-            f(number);
-        }
-    }
-
-    /// Calls `f` with every number that the future depends on.
-    pub fn visit(&mut self, f: &mut dyn FnMut(&mut R)) {
-        self.parameters.iter_mut().for_each(&mut *f);
-        self.fin.visit(f);
-        self.measurements(f);
     }
 
     /// One control step under an action in [-1, 1]. Returns where the solver succeeded.

@@ -2,6 +2,7 @@
 //! and its command.
 
 use crate::lane::Real;
+use crate::lanewise;
 use std::f64::consts::TAU;
 
 /// Natural frequency \[rad/s\].
@@ -88,6 +89,9 @@ pub struct Servo<R> {
     pub smoothed: [Lag<R>; STAGES],
 }
 
+lanewise!(Lag: angle, rate);
+lanewise!(Servo: angle, rate, smoothed);
+
 impl<R: Real> Servo<R> {
     /// Advances by one physics step towards `command` \[rad\].
     #[inline(always)]
@@ -119,26 +123,6 @@ impl<R: Real> Servo<R> {
         for stage in &mut self.smoothed {
             stage.angle.set(lane, command);
             stage.rate.set(lane, 0.0);
-        }
-    }
-
-    /// Copies one lane out.
-    pub fn lane(&self, lane: usize) -> Servo<f64> {
-        let pick = |lag: &Lag<R>| Lag { angle: lag.angle.get(lane), rate: lag.rate.get(lane) };
-        Servo {
-            angle: self.angle.get(lane),
-            rate: self.rate.get(lane),
-            smoothed: std::array::from_fn(|i| pick(&self.smoothed[i])),
-        }
-    }
-
-    /// Calls `f` with every number, always in the same order.
-    pub fn visit(&mut self, f: &mut dyn FnMut(&mut R)) {
-        f(&mut self.angle);
-        f(&mut self.rate);
-        for stage in &mut self.smoothed {
-            f(&mut stage.angle);
-            f(&mut stage.rate);
         }
     }
 }

@@ -10,7 +10,7 @@ use crate::env::NodeState;
 use crate::error::{Error, Result};
 use crate::fluid::{Hydrodynamics, reactive, resistive};
 use crate::keywords::{bare_names, check_names};
-use crate::lane::Real;
+use crate::lane::{Lanewise, Real};
 use crate::rod;
 use crate::simulation::{Named, Simulation, pairs, unknown};
 use crate::snapshot::Numbers;
@@ -406,8 +406,8 @@ impl Simulation for BareFin {
 impl Numbers for BareFin {
     /// The fin's, its servo's and the low-pass'.
     fn visit(&mut self, f: &mut dyn FnMut(&mut f64)) {
-        self.plant.visit(f);
-        self.servo.visit(f);
+        self.plant.visit_mut(f);
+        self.servo.visit_mut(f);
     }
 }
 

@@ -5,7 +5,7 @@
 //! halves, quarters, ... of backward Euler; only when the smallest parts fail is the lane reported.
 
 use super::plant::{Instant, Loads, Plant, Scheme};
-use crate::lane::{Mask, Real};
+use crate::lane::{Lanewise, Mask, Real};
 use crate::linear::Banded;
 use crate::vec2::Vec2;
 
@@ -194,7 +194,7 @@ impl<R: Real> Plant<R> {
         self.now.take(mask, &work.next);
         self.history = R::select(mask, R::one(), self.history);
         self.pitch = R::select(mask, pitch, self.pitch);
-        self.loads = Loads::select(mask, loads, &self.loads);
+        self.loads.take(mask, loads);
     }
 
     /// Takes the step again where it has not been taken, in 2, 4, ... parts of backward Euler with the pitch
@@ -205,7 +205,7 @@ impl<R: Real> Plant<R> {
     fn step_in_parts(&mut self, failed: R::Mask, pitch: R) -> R::Mask {
         let mut work = std::mem::replace(&mut self.work, Workspace::new(0));
         let from = self.pitch;
-        work.start.take(R::Mask::splat(true), &self.now);
+        work.start.copy_from(&self.now);
         let mut left = failed;
         for halving in 1..=HALVINGS {
             let parts = 1u32 << halving;
@@ -226,7 +226,7 @@ impl<R: Real> Plant<R> {
             }
             self.before.take(going, &work.start);
             self.history = R::select(going, R::one(), self.history);
-            self.loads = Loads::select(going, &mean, &self.loads);
+            self.loads.take(going, &mean);
             left = left.and(going.not());
             self.now.take(left, &work.start);
             self.pitch = R::select(left, from, self.pitch);

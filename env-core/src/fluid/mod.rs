@@ -12,6 +12,7 @@ pub mod resistive;
 
 use crate::error::{Error, Result};
 use crate::lane::Real;
+use crate::lanewise;
 use crate::vec2::Vec2;
 use serde::{Deserialize, Serialize};
 
@@ -89,6 +90,8 @@ pub struct Water<R> {
     /// Speed of the flow along +x \[m/s\].
     pub flow_speed: R,
 }
+
+lanewise!(Water: added_mass, drag, friction, flow_speed);
 
 impl<R: Real> Water<R> {
     /// Velocity relative to the water.

@@ -6,8 +6,11 @@
 //! alone. Nothing fuses or reorders; the loops of `Lanes` are plain so that the compiler can turn each into a
 //! few vector instructions.
 
+mod lanewise;
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod x86;
+
+pub use lanewise::Lanewise;
 
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};

@@ -18,7 +18,7 @@ use crate::draw::{Draw, exact_parameters};
 use crate::env::{NodeState, Parameter, ResetOptions, Scene, Space};
 use crate::error::{Error, Result};
 use crate::keywords::Keyword;
-use crate::lane::{Mask, Real};
+use crate::lane::{Lanewise, Mask, Real};
 use crate::rod::curvature;
 use crate::seed::Stream;
 use crate::simulation::Simulation;
@@ -181,10 +181,6 @@ impl Machine for Pendulum {
         observation: &mut [R],
     ) {
         sensors::observe(&self.config, plant, lanes, streams, observation);
-    }
-
-    fn visit<R: Real>(plant: &mut Plant<R>, f: &mut dyn FnMut(&mut R)) {
-        plant.visit(f);
     }
 
     fn parameters<R: Real>(&self, plant: &Plant<R>, lane: usize, out: &mut [f64]) {

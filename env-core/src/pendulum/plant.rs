@@ -1,7 +1,8 @@
 //! The pendulum itself: rod, motor and sensors of `R::LANES` environments.
 
 use super::config::{COUNT, Config, at, uniform};
-use crate::lane::{Mask, Real};
+use crate::lane::{Lanewise, Mask, Real};
+use crate::lanewise;
 use crate::rod::{Motion, Rod};
 use crate::seed::Stream;
 use crate::stepper::{Constant, Integrator};
@@ -56,6 +57,8 @@ pub enum State {
     Nodes(Vec<[f64; 2]>, Vec<[f64; 2]>),
 }
 
+lanewise!(Plant: parameters, rod, motion, commands, torque, action);
+
 impl<R: Real> Plant<R> {
     /// All lanes hang straight down at rest, with the first value of each parameter's range.
     pub fn new(config: &Config) -> Self {
@@ -75,16 +78,6 @@ impl<R: Real> Plant<R> {
             plant.place(config, lane, &values, |rod, motion| bend(rod, motion, |_| (0.0, 0.0)));
         }
         plant
-    }
-
-    /// Calls `f` with every number that the future depends on.
-    pub fn visit(&mut self, f: &mut dyn FnMut(&mut R)) {
-        self.parameters.iter_mut().for_each(&mut *f);
-        self.rod.visit(f);
-        self.motion.visit(f);
-        self.commands.iter_mut().for_each(&mut *f);
-        f(&mut self.torque);
-        f(&mut self.action);
     }
 
     /// Draws and sets the start of an episode: parameters in the table's order, angle, bend.

@@ -6,7 +6,7 @@ use super::plant::Plant;
 use crate::env::NodeState;
 use crate::error::{Error, Result};
 use crate::keywords::{Reader, bare_names, check_names};
-use crate::lane::Real;
+use crate::lane::{Lanewise, Real};
 use crate::rod::{Energy, Motion, Rod, energy};
 use crate::simulation::{Named, Simulation, unknown};
 use crate::snapshot::Numbers;
@@ -58,7 +58,9 @@ impl BarePendulum {
         for (row, value) in PARAMETERS.iter().zip(&values) {
             config.resolved.insert(row.name.into(), json!(value));
         }
-        let mut sim = BarePendulum::at_rest(config, values, plant.rod.lane(lane));
+        let rod = Rod::new(config.nodes);
+        let mut sim = BarePendulum::at_rest(config, values, rod);
+        plant.rod.read_lane(lane, &mut sim.rod);
         plant.motion.read_lane(lane, &mut sim.motion);
         sim
     }
@@ -274,6 +276,6 @@ impl Simulation for BarePendulum {
 
 impl Numbers for BarePendulum {
     fn visit(&mut self, f: &mut dyn FnMut(&mut f64)) {
-        self.motion.visit(f);
+        self.motion.visit_mut(f);
     }
 }

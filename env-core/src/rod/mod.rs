@@ -14,6 +14,7 @@ pub use forces::{Shape, forces};
 pub use linear::{Linearised, add_stiffness, linearise};
 
 use crate::lane::Real;
+use crate::lanewise;
 use crate::vec2::Vec2;
 
 /// Geometry, section and material of a rod, one value a lane.
@@ -41,6 +42,8 @@ pub struct Rod<R> {
     pub gravity: R,
 }
 
+lanewise!(Rod: rest, stretch, stretch_rate, bend, bend_damping, mass, inverse_mass, damping, gravity);
+
 impl<R: Real> Rod<R> {
     /// Memory for a rod of `nodes` nodes, to be filled lane by lane with `set_lane`.
     pub fn new(nodes: usize) -> Self {
@@ -63,69 +66,6 @@ impl<R: Real> Rod<R> {
     #[inline(always)]
     pub fn nodes(&self) -> usize {
         self.mass.len()
-    }
-
-    /// Calls `f` with every number of the rod, always in the same order.
-    pub fn visit(&mut self, f: &mut dyn FnMut(&mut R)) {
-        let vectors = [
-            &mut self.rest,
-            &mut self.stretch,
-            &mut self.stretch_rate,
-            &mut self.bend,
-            &mut self.bend_damping,
-            &mut self.mass,
-            &mut self.inverse_mass,
-        ];
-        vectors.into_iter().flatten().for_each(&mut *f);
-        f(&mut self.damping);
-        f(&mut self.gravity);
-    }
-
-    /// Copies one lane out.
-    pub fn lane(&self, lane: usize) -> Rod<f64> {
-        let mut rod = Rod::new(self.nodes());
-        self.read_lane(lane, &mut rod);
-        rod
-    }
-
-    /// Copies one lane into a rod of the same number of nodes; no memory is taken.
-    pub fn read_lane(&self, lane: usize, rod: &mut Rod<f64>) {
-        let pairs = [
-            (&mut rod.rest, &self.rest),
-            (&mut rod.stretch, &self.stretch),
-            (&mut rod.stretch_rate, &self.stretch_rate),
-            (&mut rod.bend, &self.bend),
-            (&mut rod.bend_damping, &self.bend_damping),
-            (&mut rod.mass, &self.mass),
-            (&mut rod.inverse_mass, &self.inverse_mass),
-        ];
-        for (to, from) in pairs {
-            for (slot, value) in to.iter_mut().zip(from) {
-                *slot = value.get(lane);
-            }
-        }
-        rod.damping = self.damping.get(lane);
-        rod.gravity = self.gravity.get(lane);
-    }
-
-    /// Copies a rod of the same number of nodes into one lane; no memory is taken.
-    pub fn set_lane(&mut self, lane: usize, rod: &Rod<f64>) {
-        let pairs = [
-            (&mut self.rest, &rod.rest),
-            (&mut self.stretch, &rod.stretch),
-            (&mut self.stretch_rate, &rod.stretch_rate),
-            (&mut self.bend, &rod.bend),
-            (&mut self.bend_damping, &rod.bend_damping),
-            (&mut self.mass, &rod.mass),
-            (&mut self.inverse_mass, &rod.inverse_mass),
-        ];
-        for (to, from) in pairs {
-            for (slot, value) in to.iter_mut().zip(from) {
-                slot.set(lane, *value);
-            }
-        }
-        self.damping.set(lane, rod.damping);
-        self.gravity.set(lane, rod.gravity);
     }
 }
 
@@ -231,59 +171,12 @@ pub struct Motion<R> {
     pub a_before: Vec<Vec2<R>>,
 }
 
+lanewise!(Motion: x, v, a, a_before);
+
 impl<R: Real> Motion<R> {
     /// Memory for `nodes` nodes, all at the origin and at rest.
     pub fn new(nodes: usize) -> Self {
         let zeros = || vec![Vec2::zero(); nodes];
         Motion { x: zeros(), v: zeros(), a: zeros(), a_before: zeros() }
-    }
-
-    /// Calls `f` with every number, always in the same order.
-    pub fn visit(&mut self, f: &mut dyn FnMut(&mut R)) {
-        for vector in [&mut self.x, &mut self.v, &mut self.a, &mut self.a_before] {
-            for node in vector {
-                f(&mut node.x);
-                f(&mut node.y);
-            }
-        }
-    }
-
-    /// Copies all of `other` into this; no memory is taken.
-    #[inline(always)]
-    pub fn copy_from(&mut self, other: &Motion<R>) {
-        self.x.copy_from_slice(&other.x);
-        self.v.copy_from_slice(&other.v);
-        self.a.copy_from_slice(&other.a);
-        self.a_before.copy_from_slice(&other.a_before);
-    }
-
-    /// Copies one lane into a motion of the same number of nodes; no memory is taken.
-    pub fn read_lane(&self, lane: usize, motion: &mut Motion<f64>) {
-        let pairs = [
-            (&mut motion.x, &self.x),
-            (&mut motion.v, &self.v),
-            (&mut motion.a, &self.a),
-            (&mut motion.a_before, &self.a_before),
-        ];
-        for (to, from) in pairs {
-            for (p, q) in to.iter_mut().zip(from) {
-                *p = q.lane(lane);
-            }
-        }
-    }
-
-    /// Copies a motion into one lane.
-    pub fn set_lane(&mut self, lane: usize, motion: &Motion<f64>) {
-        let pairs = [
-            (&mut self.x, &motion.x),
-            (&mut self.v, &motion.v),
-            (&mut self.a, &motion.a),
-            (&mut self.a_before, &motion.a_before),
-        ];
-        for (to, from) in pairs {
-            for (p, q) in to.iter_mut().zip(from) {
-                p.set_lane(lane, *q);
-            }
-        }
     }
 }

@@ -8,7 +8,7 @@
 //! motion is smooth that is so close that one iteration is enough.
 
 use super::{Drive, FOLDED};
-use crate::lane::{Mask, Real};
+use crate::lane::{Lanewise, Mask, Real};
 use crate::linear::{Ascent, Block, Descent, Front};
 use crate::rod::{Motion, Rod, Shape, linearise};
 use crate::vec2::Vec2;

@@ -2,7 +2,7 @@
 
 use super::implicit::{self, Method, Workspace};
 use super::{Constant, Drive, prepare, verlet};
-use crate::lane::{Mask, Real};
+use crate::lane::{Lanewise, Mask, Real};
 use crate::rod::{Motion, Rod};
 use crate::vec2::Vec2;
 
