@@ -88,7 +88,7 @@ pub fn observe<R: Real>(
                 let after = tangent(k).0;
                 let (cosine, sine) = (before.dot(after), before.cross(after));
                 let half = sine / (R::one() + cosine);
-                let angle = half.map(libm::atan);
+                let angle = half.atan();
                 put(angle + angle + noise(angle_noise), ANGLE_UNIT);
                 before = after;
             }

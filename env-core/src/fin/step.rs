@@ -84,7 +84,7 @@ impl<R: Real> Plant<R> {
         }
         let (pivot, driven) = (self.design.geometry.pivot, self.design.geometry.pivot + 1);
         let arm = R::splat(self.design.geometry.edge_length);
-        let arm = Vec2::new(arm * pitch.map(libm::cos), arm * pitch.map(libm::sin));
+        let arm = Vec2::new(arm * pitch.cos(), arm * pitch.sin());
         if !self.design.free_swimming {
             work.next.x[pivot] = self.now.x[pivot];
         }

@@ -2,9 +2,31 @@
 //! AVX-512 types of the processor's own registers, see `isa::with_lanes`).
 //!
 //! Every operation here is an IEEE operation on each lane by itself (add, subtract, multiply, divide,
-//! square root, compare, select), so lane 5 of 8 holds the same bits as that environment computed
-//! alone. Nothing fuses or reorders; the loops of `Lanes` are plain so that the compiler can turn each into a
-//! few vector instructions.
+//! square root, compare, select; sine and arctangent by software), so lane 5 of 8 holds the same bits as that
+//! environment computed alone. Nothing fuses or reorders; the loops of `Lanes` are plain so that the compiler can turn
+//! each into a few vector instructions.
+
+/// The functions of `Real` for which there is no instruction.
+macro_rules! lane_by_lane {
+    () => {
+        #[inline(always)]
+        fn sin(self) -> Self {
+            Self::from_fn(|lane| libm::sin(self.get(lane)))
+        }
+        #[inline(always)]
+        fn cos(self) -> Self {
+            Self::from_fn(|lane| libm::cos(self.get(lane)))
+        }
+        #[inline(always)]
+        fn atan(self) -> Self {
+            Self::from_fn(|lane| libm::atan(self.get(lane)))
+        }
+        #[inline(always)]
+        fn atan2(self, x: Self) -> Self {
+            Self::from_fn(|lane| libm::atan2(self.get(lane), x.get(lane)))
+        }
+    };
+}
 
 mod lanewise;
 #[cfg(target_arch = "x86_64")]
@@ -51,8 +73,14 @@ pub trait Real:
     fn lt(self, other: Self) -> Self::Mask;
     /// `yes` where the mask is set, `no` elsewhere.
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
-    /// Applies a scalar function to each lane (for what has no vector instruction: sine, arctangent).
-    fn map(self, f: impl Fn(f64) -> f64) -> Self;
+    /// Sine, the same on every machine.
+    fn sin(self) -> Self;
+    /// Cosine, the same on every machine.
+    fn cos(self) -> Self;
+    /// Arctangent, the same on every machine.
+    fn atan(self) -> Self;
+    /// Angle of the vector (x, self), in [-pi, pi], the same on every machine.
+    fn atan2(self, x: Self) -> Self;
 
     /// Zero in every lane.
     #[inline(always)]
@@ -176,10 +204,7 @@ impl Real for f64 {
     fn select(mask: bool, yes: Self, no: Self) -> Self {
         if mask { yes } else { no }
     }
-    #[inline(always)]
-    fn map(self, f: impl Fn(f64) -> f64) -> Self {
-        f(self)
-    }
+    lane_by_lane!();
     #[inline(always)]
     fn min(self, other: Self) -> Self {
         if self < other { self } else { other }
@@ -344,13 +369,7 @@ impl<const W: usize> Real for Lanes<W> {
         }
         out
     }
-    #[inline(always)]
-    fn map(mut self, f: impl Fn(f64) -> f64) -> Self {
-        for i in 0..W {
-            self.0[i] = f(self.0[i]);
-        }
-        self
-    }
+    lane_by_lane!();
     // Written as the comparison that one vector instruction does.
     #[inline(always)]
     fn min(mut self, other: Self) -> Self {

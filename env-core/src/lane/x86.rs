@@ -177,13 +177,7 @@ macro_rules! lanes {
                 }
                 out
             }
-            #[inline(always)]
-            fn map(mut self, f: impl Fn(f64) -> f64) -> Self {
-                for x in self.numbers() {
-                    *x = f(*x);
-                }
-                self
-            }
+            lane_by_lane!();
             // The instructions return the second operand where either is NaN.
             #[inline(always)]
             fn min(self, other: Self) -> Self {

@@ -84,7 +84,7 @@ pub fn observe<R: Real>(
         if noisy {
             let error = draw(angle_noise);
             rate += draw(rate_noise);
-            let (turned_sin, turned_cos) = (error.map(libm::sin), error.map(libm::cos));
+            let (turned_sin, turned_cos) = (error.sin(), error.cos());
             (cos, sin) = (cos * turned_cos - sin * turned_sin, sin * turned_cos + cos * turned_sin);
         }
         observation[k] = cos.clip(-1.0, 1.0);
