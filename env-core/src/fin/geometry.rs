@@ -169,35 +169,34 @@ impl Geometry {
 
     /// The discrete rod of this shape: masses (thesis 2.4, 2.5), stretching stiffness on the edges,
     /// bending stiffness at the nodes. No gravity: the fin's height is vertical.
-    pub fn rod(&self, parameters: &Parameters) -> Rod<f64> {
+    pub fn rod<R: Real>(&self, parameters: &Parameters<R>) -> Rod<R> {
         let mut rod = Rod::new(self.nodes());
-        self.shape(parameters, &mut rod, 0);
+        self.shape(parameters, &mut rod);
         rod
     }
 
-    /// Overwrites one lane of rods of the same number of nodes; no memory is taken.
-    pub fn shape<R: Real>(&self, parameters: &Parameters, rod: &mut Rod<R>, lane: usize) {
-        let l = self.edge_length;
+    /// Overwrites rods of the same number of nodes; no memory is taken.
+    pub fn shape<R: Real>(&self, parameters: &Parameters<R>, rod: &mut Rod<R>) {
+        let (l, half) = (R::splat(self.edge_length), R::splat(0.5));
         let e = parameters.youngs_modulus;
-        rod.mass[0].set(lane, 0.0);
+        rod.mass[0] = R::zero();
         for (k, area) in self.edge_areas().enumerate() {
-            let stretch = 0.5 * e * (self.stiffness[k] + self.stiffness[k + 1]) * area;
-            rod.rest[k].set(lane, l);
-            rod.stretch[k].set(lane, stretch);
-            rod.stretch_rate[k].set(lane, stretch / l);
-            let half = 0.5 * (parameters.density * area * l);
-            let so_far = rod.mass[k].get(lane);
-            rod.mass[k].set(lane, so_far + half);
-            rod.mass[k + 1].set(lane, half);
+            let area = R::splat(area);
+            let stretch = half * e * R::splat(self.stiffness[k] + self.stiffness[k + 1]) * area;
+            rod.rest[k] = l;
+            rod.stretch[k] = stretch;
+            rod.stretch_rate[k] = stretch / l;
+            let mass = half * (parameters.density * area * l);
+            rod.mass[k] += mass;
+            rod.mass[k + 1] = mass;
         }
         for (i, moment) in self.second_moments().enumerate() {
             let inner = i > 0 && i + 1 < self.nodes();
-            let bend = if inner { e * self.stiffness[i] * moment / l } else { 0.0 };
-            rod.bend[i].set(lane, bend);
-            rod.bend_damping[i].set(lane, bend * parameters.bending_damping);
-            let mass = rod.mass[i].get(lane);
-            rod.inverse_mass[i].set(lane, 1.0 / mass);
+            let bend = e * R::splat(self.stiffness[i]) * R::splat(moment) / l;
+            rod.bend[i] = if inner { bend } else { R::zero() };
+            rod.bend_damping[i] = rod.bend[i] * parameters.bending_damping;
+            rod.inverse_mass[i] = R::one() / rod.mass[i];
         }
-        rod.damping.set(lane, parameters.damping);
+        rod.damping = parameters.damping;
     }
 }

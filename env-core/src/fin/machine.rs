@@ -11,7 +11,7 @@ use crate::env::{NodeState, Parameter, ResetOptions, Scene, Space};
 use crate::error::{Error, Result};
 use crate::fluid::{reactive, resistive};
 use crate::keywords::Keyword;
-use crate::lane::Real;
+use crate::lane::{Lanewise, Real};
 use crate::rod::curvature;
 use crate::seed::Stream;
 use crate::simulation::Simulation;
@@ -151,9 +151,12 @@ impl Machine for Fin {
     }
 
     fn parameters<R: Real>(&self, rig: &Rig<R>, lane: usize, out: &mut [f64]) {
-        for (to, from) in out.iter_mut().zip(&rig.parameters) {
-            *to = from.get(lane);
-        }
+        let mut rows = out.iter_mut();
+        rig.fin.parameters.visit(&mut |value| {
+            if let Some(row) = rows.next() {
+                *row = value.get(lane);
+            }
+        });
     }
 
     fn scene<R: Real>(&self, rig: &Rig<R>, lane: usize, scene: &mut Scene) {

@@ -4,48 +4,39 @@ use super::geometry::Geometry;
 use crate::env::Parameter;
 use crate::error::{Error, Result};
 use crate::fluid::Water;
+use crate::lane::{Lanewise, Real};
+use crate::lanewise;
 
 /// Density of water \[kg/m^3\].
 pub const WATER_DENSITY: f64 = 1000.0;
 
-/// Material, water and hull. The fields are the keywords that users type.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Parameters {
-    /// Young's modulus \[Pa\].
-    pub youngs_modulus: f64,
-    /// Nodal damping zeta: force `-zeta v` at each node \[kg/s\].
-    pub damping: f64,
-    /// Bending damping beta: moment `(E I / l) beta d(phi)/dt` \[s\].
-    pub bending_damping: f64,
-    /// Density of the fin \[kg/m^3\].
-    pub density: f64,
-    /// Speed of the water along +x \[m/s\].
-    pub flow_speed: f64,
-    /// C_m, added mass over that of a plate.
-    pub added_mass_coefficient: f64,
-    /// C_f, friction along the fin.
-    pub friction_coefficient: f64,
-    /// C_d, drag across the fin.
-    pub drag_coefficient: f64,
-    /// Mass of the hull that the fin pushes \[kg\]; used by a free-swimming fin only.
-    pub hull_mass: f64,
-    /// Drag area C_D S of the hull \[m^2\]; used by a free-swimming fin only.
-    pub hull_drag_area: f64,
-}
-
-/// One row: name, unit, default, range, meaning, and the field.
-type Row = (Parameter, fn(&mut Parameters) -> &mut f64);
-
-macro_rules! rows {
+/// Defines the parameters by one list: field, unit, default, range, meaning.
+macro_rules! parameters {
     ($($field:ident, $unit:literal, $default:literal, $low:literal, $high:literal, $doc:literal;)*) => {
-        [$((Parameter {
+        /// Material, water and hull, one value a lane. The fields are the keywords that users type, in the order of
+        /// `Spec::parameters`.
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        pub struct Parameters<R = f64> {
+            $(#[doc = concat!($doc, " \\[", $unit, "\\]")] pub $field: R,)*
+        }
+
+        lanewise!(Parameters: $($field),*);
+
+        impl<R: Real> Default for Parameters<R> {
+            /// The flexible fin of the environments: soft, without artificial damping.
+            fn default() -> Self {
+                Parameters { $($field: R::splat($default)),* }
+            }
+        }
+
+        /// Every parameter with its range.
+        const TABLE: &[Parameter] = &[$(Parameter {
             name: stringify!($field), unit: $unit, default: $default, low: $low, high: $high, doc: $doc,
-        }, (|p| &mut p.$field) as fn(&mut Parameters) -> &mut f64)),*]
+        }),*];
     };
 }
 
-/// Every parameter with its range, in the order of `Spec::parameters`.
-const TABLE: [Row; 10] = rows! {
+parameters! {
     youngs_modulus, "Pa", 2.5e5, 1e4, 1e10, "Young's modulus of the fin";
     damping, "kg/s", 0.0, 0.0, 10.0, "damping zeta at each node, relative to the laboratory";
     bending_damping, "s", 0.0, 0.0, 1.0, "Kelvin-Voigt bending damping beta";
@@ -56,28 +47,6 @@ const TABLE: [Row; 10] = rows! {
     drag_coefficient, "", 1.2, 0.0, 10.0, "drag coefficient C_d across the fin";
     hull_mass, "kg", 1.0, 0.05, 1000.0, "mass of the hull that a free-swimming fin pushes";
     hull_drag_area, "m^2", 0.006, 0.0, 1.0, "drag coefficient times frontal area of the hull";
-};
-
-impl Default for Parameters {
-    /// The flexible fin of the environments: soft, without artificial damping.
-    fn default() -> Self {
-        let mut parameters = Parameters {
-            youngs_modulus: 0.0,
-            damping: 0.0,
-            bending_damping: 0.0,
-            density: 0.0,
-            flow_speed: 0.0,
-            added_mass_coefficient: 0.0,
-            friction_coefficient: 0.0,
-            drag_coefficient: 0.0,
-            hull_mass: 0.0,
-            hull_drag_area: 0.0,
-        };
-        for (row, field) in TABLE {
-            *field(&mut parameters) = row.default;
-        }
-        parameters
-    }
 }
 
 impl Parameters {
@@ -91,7 +60,7 @@ impl Parameters {
 
     /// Names, units, defaults, ranges and meanings.
     pub fn table() -> [Parameter; Self::COUNT] {
-        TABLE.map(|(row, _)| row)
+        std::array::from_fn(|index| TABLE[index].clone())
     }
 
     /// The table of a fin that is held or that swims freely: its water is at rest then, whatever is asked.
@@ -108,8 +77,14 @@ impl Parameters {
 
     /// Value of the parameter at `index` of the table.
     pub fn get(&self, index: usize) -> f64 {
-        let mut copy = *self;
-        *TABLE[index].1(&mut copy)
+        let (mut found, mut at) = (f64::NAN, 0);
+        self.visit(&mut |value| {
+            if at == index {
+                found = *value;
+            }
+            at += 1;
+        });
+        found
     }
 
     /// Replaces the value at `index` of the table.
@@ -117,14 +92,20 @@ impl Parameters {
     /// # Errors
     /// A value outside the table's range.
     pub fn set(&mut self, index: usize, value: f64) -> Result<()> {
-        let (row, field) = &TABLE[index];
+        let row = &TABLE[index];
         // The comparison is written so that NaN fails it.
         if !(value >= row.low && value <= row.high) {
             let unit = if row.unit.is_empty() { String::new() } else { format!(" {}", row.unit) };
             let allowed = format!("between {} and {}{unit}", row.low, row.high);
             return Err(Error::parameter(row.name, value, allowed));
         }
-        *field(self) = value;
+        let mut at = 0;
+        self.visit_mut(&mut |slot| {
+            if at == index {
+                *slot = value;
+            }
+            at += 1;
+        });
         Ok(())
     }
 
@@ -136,15 +117,18 @@ impl Parameters {
         let mut copy = *self;
         (0..Self::COUNT).try_for_each(|index| copy.set(index, self.get(index)))
     }
+}
 
+impl<R: Real> Parameters<R> {
     /// Coefficients of the water about a fin of this geometry.
-    pub fn water(&self, geometry: &Geometry) -> Water<f64> {
+    pub fn water(&self, geometry: &Geometry) -> Water<R> {
         let h = geometry.height;
         let plate = WATER_DENSITY * std::f64::consts::PI * h * h / 4.0;
+        let pressure = R::splat(0.5 * WATER_DENSITY);
         Water {
-            added_mass: self.added_mass_coefficient * plate,
-            drag: 0.5 * WATER_DENSITY * self.drag_coefficient * h,
-            friction: 0.5 * WATER_DENSITY * self.friction_coefficient,
+            added_mass: self.added_mass_coefficient * R::splat(plate),
+            drag: pressure * self.drag_coefficient * R::splat(h),
+            friction: pressure * self.friction_coefficient,
             flow_speed: self.flow_speed,
         }
     }

@@ -1,7 +1,7 @@
 //! The fin in its water, in lanes: what it is made of and how it moves now.
 
 use super::geometry::Geometry;
-use super::parameters::Parameters;
+use super::parameters::{Parameters, WATER_DENSITY};
 use super::step::Workspace;
 use crate::error::{Error, Result};
 use crate::fluid::{Hydrodynamics, Water};
@@ -154,6 +154,8 @@ impl<R: Real> Loads<R> {
 pub struct Plant<R> {
     /// What all lanes share.
     pub design: Arc<Design>,
+    /// Material, water and hull, as an episode has them.
+    pub parameters: Parameters<R>,
     /// Masses and stiffness.
     pub rod: Rod<R>,
     /// Coefficients of the water.
@@ -177,7 +179,7 @@ pub struct Plant<R> {
     pub(super) work: Workspace<R>,
 }
 
-lanewise!(Plant: rod, water, hull_mass, hull_drag, now, before, history, pitch, loads);
+lanewise!(Plant: parameters, rod, water, hull_mass, hull_drag, now, before, history, pitch, loads);
 
 impl<R: Real> Plant<R> {
     /// Fins of this design, straight and at rest, with the default parameters in every lane.
@@ -190,6 +192,7 @@ impl<R: Real> Plant<R> {
         let perimeter = design.geometry.perimeters().collect();
         let mut plant = Plant {
             design: Arc::new(design),
+            parameters: Parameters::default(),
             rod: Rod::new(nodes),
             water: Water::default(),
             perimeter,
@@ -215,17 +218,20 @@ impl<R: Real> Plant<R> {
 
     /// Puts new parameters into one lane; the motion stays.
     pub fn set_parameters(&mut self, lane: usize, parameters: &Parameters) {
-        self.design.geometry.shape(parameters, &mut self.rod, lane);
-        let water = parameters.water(&self.design.geometry);
-        self.water.added_mass.set(lane, water.added_mass);
-        self.water.drag.set(lane, water.drag);
-        self.water.friction.set(lane, water.friction);
-        // A free swimmer moves through water at rest.
-        let flow = if self.design.free_swimming { 0.0 } else { water.flow_speed };
-        self.water.flow_speed.set(lane, flow);
-        self.hull_mass.set(lane, parameters.hull_mass);
-        let drag = 0.5 * super::parameters::WATER_DENSITY * parameters.hull_drag_area;
-        self.hull_drag.set(lane, drag);
+        self.parameters.set_lane(lane, parameters);
+        self.shape();
+    }
+
+    /// Makes rod, water and hull as the parameters say.
+    fn shape(&mut self) {
+        self.design.geometry.shape(&self.parameters, &mut self.rod);
+        self.water = self.parameters.water(&self.design.geometry);
+        if self.design.free_swimming {
+            // A free swimmer moves through water at rest.
+            self.water.flow_speed = R::zero();
+        }
+        self.hull_mass = self.parameters.hull_mass;
+        self.hull_drag = R::splat(0.5 * WATER_DENSITY) * self.parameters.hull_drag_area;
     }
 
     /// Begins an episode in one lane: a straight fin at rest at this pitch \[rad\].

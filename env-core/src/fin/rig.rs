@@ -47,8 +47,6 @@ lanewise!(Stroke: since, started, high, low, frequency, width);
 /// A fin, its servo and its measurements.
 #[derive(Clone, Debug)]
 pub struct Rig<R: Real> {
-    /// Parameters, in the order of the table.
-    pub parameters: [R; Parameters::COUNT],
     /// The fin in its water.
     pub fin: Plant<R>,
     /// The servo.
@@ -72,7 +70,7 @@ pub struct Rig<R: Real> {
 }
 
 lanewise!(
-    Rig: parameters, fin, servo, commands, mean, smooth_thrust, demand, impulse, work, speed, stroke
+    Rig: fin, servo, commands, mean, smooth_thrust, demand, impulse, work, speed, stroke
 );
 
 impl<R: Real> Rig<R> {
@@ -80,7 +78,6 @@ impl<R: Real> Rig<R> {
     pub fn new(config: &Config) -> Self {
         let fin = Plant::new(config.design.clone()).expect("checked with the configuration");
         let mut rig = Rig {
-            parameters: [R::zero(); Parameters::COUNT],
             fin,
             servo: Servo::default(),
             commands: vec![R::zero(); config.delay / config.substeps + 2],
@@ -92,36 +89,23 @@ impl<R: Real> Rig<R> {
             speed: R::zero(),
             stroke: Stroke::default(),
         };
+        let parameters = values(|i| config.draws[i].bounds().0);
         for lane in 0..R::LANES {
-            for (parameter, draw) in rig.parameters.iter_mut().zip(&config.draws) {
-                parameter.set(lane, draw.bounds().0);
-            }
-            rig.fin.begin(lane, &rig.parameters_of(lane), 0.0);
+            rig.fin.begin(lane, &parameters, 0.0);
         }
         rig
-    }
-
-    /// Parameters in force in a lane.
-    pub fn parameters_of(&self, lane: usize) -> Parameters {
-        let mut parameters = Parameters::default();
-        for (i, value) in self.parameters.iter().enumerate() {
-            parameters.set(i, value.get(lane)).expect("drawn within the table's range");
-        }
-        parameters
     }
 
     /// Draws and sets the start of an episode: parameters in the table's order, pitch, demand.
     pub fn begin(&mut self, config: &Config, lane: usize, stream: &mut Stream, start: &Start) {
         // Nothing has been measured yet.
         self.visit_mut(&mut |x| x.set(lane, 0.0));
-        for (i, draw) in config.draws.iter().enumerate() {
-            let drawn = draw.draw(stream);
-            let value = start.parameters.get(i).copied().flatten().unwrap_or(drawn);
-            self.parameters[i].set(lane, value);
-        }
+        let parameters = values(|i| {
+            let drawn = config.draws[i].draw(stream);
+            start.parameters.get(i).copied().flatten().unwrap_or(drawn)
+        });
         let mut pitch = stream.uniform(config.start_pitch.0, config.start_pitch.1);
         let demand = stream.uniform(config.demand.0, config.demand.1);
-        let parameters = self.parameters_of(lane);
         self.fin.begin(lane, &parameters, pitch);
         let mut rate = 0.0;
         if let Some((x, v, angle)) = &start.motion {
@@ -203,4 +187,13 @@ impl<R: Real> Rig<R> {
         stroke.high = R::select(crossed, tail, stroke.high.max(tail));
         stroke.low = R::select(crossed, tail, stroke.low.min(tail));
     }
+}
+
+/// Parameters of these values, in the order of the table.
+fn values(mut value: impl FnMut(usize) -> f64) -> Parameters {
+    let mut parameters = Parameters::default();
+    for i in 0..Parameters::COUNT {
+        parameters.set(i, value(i)).expect("drawn within the table's range");
+    }
+    parameters
 }

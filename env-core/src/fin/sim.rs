@@ -55,7 +55,6 @@ pub struct BareFin {
     plant: Plant<f64>,
     servo: Servo<f64>,
     ticks: Ticks,
-    parameters: Parameters,
     steps: u64,
     resolved: Map<String, Value>,
 }
@@ -81,7 +80,7 @@ impl BareFin {
         plant.begin(0, &parameters, 0.0);
         let ticks = Ticks::new(plant.design.physics_dt, None);
         let servo = Servo::default();
-        Ok(BareFin { plant, servo, ticks, parameters, steps: 0, resolved: Map::new() })
+        Ok(BareFin { plant, servo, ticks, steps: 0, resolved: Map::new() })
     }
 
     /// The thesis' fin in the given water, stepped by BDF2 every `physics_dt` seconds.
@@ -130,7 +129,7 @@ impl BareFin {
 
     /// What runs in one lane of an environment, exactly: what the stepper remembers, servo and low-pass included.
     pub fn copy_of<R: Real>(config: &Config, rig: &Rig<R>, lane: usize) -> Self {
-        let parameters = rig.parameters_of(lane);
+        let parameters = rig.fin.parameters.lane(lane);
         let mut resolved = resolved(config);
         for (i, row) in Parameters::table().iter().enumerate() {
             resolved.insert(row.name.into(), json!(parameters.get(i)));
@@ -139,7 +138,6 @@ impl BareFin {
             plant: rig.fin.lane(lane),
             servo: rig.servo.lane(lane),
             ticks: config.ticks,
-            parameters,
             steps: 0,
             resolved,
         }
@@ -152,7 +150,7 @@ impl BareFin {
 
     /// Material and water.
     pub fn material(&self) -> &Parameters {
-        &self.parameters
+        &self.plant.parameters
     }
 
     /// `n` physics steps under the servo of the environments, told this pitch \[rad\]. After `step` or `set_state`
@@ -298,7 +296,7 @@ impl Simulation for BareFin {
 
     fn parameters(&self) -> Vec<(&'static str, f64)> {
         let table = Parameters::table();
-        table.iter().enumerate().map(|(i, row)| (row.name, self.parameters.get(i))).collect()
+        table.iter().enumerate().map(|(i, row)| (row.name, self.plant.parameters.get(i))).collect()
     }
 
     fn time(&self) -> f64 {

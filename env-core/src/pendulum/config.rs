@@ -3,6 +3,7 @@
 use crate::draw::Draw;
 use crate::error::{Error, Result};
 use crate::keywords::{Allowed, Keyword, RANDOMIZE, Reader, whole};
+use crate::lane::Real;
 use crate::rod::Uniform;
 use crate::spec::Parameter;
 use crate::stepper::Scheme;
@@ -199,7 +200,7 @@ pub struct Config {
 }
 
 /// A rod with the given parameters, in the order of the table.
-pub fn uniform(nodes: usize, values: &[f64]) -> Uniform {
+pub fn uniform<R: Real>(nodes: usize, values: &[R]) -> Uniform<R> {
     Uniform {
         nodes,
         length: values[at::LENGTH],

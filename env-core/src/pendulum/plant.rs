@@ -119,14 +119,14 @@ impl<R: Real> Plant<R> {
         values: &[f64],
         pose: impl FnOnce(&Rod<f64>, &mut Motion<f64>),
     ) {
-        let (rod, motion) = &mut self.draft;
-        uniform(config.nodes, values).shape(rod);
-        pose(rod, motion);
-        Integrator::<f64>::prepare(config.scheme, rod, motion);
         for (parameter, value) in self.parameters.iter_mut().zip(values) {
             parameter.set(lane, *value);
         }
-        self.rod.set_lane(lane, rod);
+        uniform(config.nodes, &self.parameters).shape(&mut self.rod);
+        let (rod, motion) = &mut self.draft;
+        self.rod.read_lane(lane, rod);
+        pose(rod, motion);
+        Integrator::<f64>::prepare(config.scheme, rod, motion);
         self.motion.set_lane(lane, motion);
         for command in &mut self.commands {
             command.set(lane, 0.0);

@@ -71,65 +71,66 @@ impl<R: Real> Rod<R> {
 
 /// A uniform rod of square section (thesis 2.4, 2.5, Table 4.1).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Uniform {
+pub struct Uniform<R = f64> {
     /// Number of nodes.
     pub nodes: usize,
     /// Total length \[m\].
-    pub length: f64,
+    pub length: R,
     /// Side of the square section \[m\].
-    pub width: f64,
+    pub width: R,
     /// Density \[kg/m^3\].
-    pub density: f64,
+    pub density: R,
     /// Young's modulus \[Pa\].
-    pub youngs_modulus: f64,
+    pub youngs_modulus: R,
     /// Nodal damping zeta \[kg/s\].
-    pub damping: f64,
+    pub damping: R,
     /// Bending damping beta \[s\].
-    pub bending_damping: f64,
+    pub bending_damping: R,
     /// Gravity along -E2 \[m/s^2\].
-    pub gravity: f64,
+    pub gravity: R,
 }
 
-impl Uniform {
+impl<R: Real> Uniform<R> {
     /// Rest length of an edge \[m\].
-    pub fn edge(&self) -> f64 {
-        self.length / (self.nodes - 1) as f64
+    pub fn edge(&self) -> R {
+        self.length / R::splat((self.nodes - 1) as f64)
     }
     /// Area of the section \[m^2\].
-    pub fn area(&self) -> f64 {
+    pub fn area(&self) -> R {
         self.width * self.width
     }
     /// Second moment of area w^4/12 \[m^4\] (thesis 2.8, corrected).
-    pub fn second_moment(&self) -> f64 {
-        self.area() * self.area() / 12.0
+    pub fn second_moment(&self) -> R {
+        self.area() * self.area() / R::splat(12.0)
     }
     /// Mass of an inner node \[kg\]; the end nodes have half of it.
-    pub fn node_mass(&self) -> f64 {
+    pub fn node_mass(&self) -> R {
         self.density * self.area() * self.edge()
     }
 
     /// The discrete rod.
-    pub fn rod(&self) -> Rod<f64> {
+    pub fn rod(&self) -> Rod<R> {
         let mut rod = Rod::new(self.nodes);
         self.shape(&mut rod);
         rod
     }
 
-    /// Overwrites a rod of the same number of nodes; no memory is taken.
-    pub fn shape(&self, rod: &mut Rod<f64>) {
-        let edge = self.edge();
+    /// Overwrites rods of the same number of nodes; no memory is taken.
+    pub fn shape(&self, rod: &mut Rod<R>) {
+        let (edge, mass) = (self.edge(), self.node_mass());
         let stretch = self.youngs_modulus * self.area();
+        let bend = self.youngs_modulus * self.second_moment() / edge;
         rod.rest.fill(edge);
         rod.stretch.fill(stretch);
         rod.stretch_rate.fill(stretch / edge);
         for i in 1..self.nodes - 1 {
-            rod.bend[i] = self.youngs_modulus * self.second_moment() / edge;
-            rod.bend_damping[i] = rod.bend[i] * self.bending_damping;
+            rod.bend[i] = bend;
+            rod.bend_damping[i] = bend * self.bending_damping;
         }
         for i in 0..self.nodes {
             let end = i == 0 || i == self.nodes - 1;
-            rod.mass[i] = if end { 0.5 * self.node_mass() } else { self.node_mass() };
-            rod.inverse_mass[i] = 1.0 / rod.mass[i];
+            rod.mass[i] = if end { R::splat(0.5) * mass } else { mass };
+            rod.inverse_mass[i] = R::one() / rod.mass[i];
         }
         rod.damping = self.damping;
         rod.gravity = self.gravity;
@@ -141,18 +142,17 @@ impl Uniform {
     /// (force -d v/m) is stable while `w^2 dt^2 + 2 d dt < 4`. The highest stretching mode has
     /// `w = 2 sqrt(E/rho)/l`, the highest bending mode `w = 4/l^2 sqrt(EI/(rho A))`; the light
     /// end node takes part in neither alone.
-    pub fn verlet_limit(&self) -> f64 {
+    pub fn verlet_limit(&self) -> R {
+        let (two, four) = (R::splat(2.0), R::splat(4.0));
         let edge = self.edge();
         let speed2 = self.youngs_modulus / self.density;
-        let stretch2 = 4.0 * speed2 / (edge * edge);
+        let stretch2 = four * speed2 / (edge * edge);
         let gyration2 = self.second_moment() / self.area();
-        let bend2 = 16.0 * speed2 * gyration2 / (edge * edge * edge * edge);
+        let bend2 = R::splat(16.0) * speed2 * gyration2 / (edge * edge * edge * edge);
         // The end nodes carry half the mass, so nodal damping counts double there.
-        let nodal = 2.0 * self.damping / self.node_mass();
-        let limit = |w2: f64, d: f64| {
-            // positive root of w2 dt^2 + 2 d dt - 4 = 0, in the form that does not cancel
-            4.0 / (d + (d * d + 4.0 * w2).sqrt())
-        };
+        let nodal = two * self.damping / self.node_mass();
+        // Positive root of w2 dt^2 + 2 d dt - 4 = 0, in the form that does not cancel.
+        let limit = |w2: R, d: R| four / (d + (d * d + four * w2).sqrt());
         limit(stretch2, nodal).min(limit(bend2, nodal + self.bending_damping * bend2))
     }
 }
