@@ -1,6 +1,7 @@
 //! The server over ZeroMQ: bind, authenticate, serve, stop.
 
 pub mod cli;
+pub mod guard;
 pub mod http;
 pub mod keys;
 pub mod router;
@@ -84,6 +85,17 @@ pub fn serve(config: &Config, bound: impl FnOnce(&str, Option<SocketAddr>)) -> R
     let signals = signals::Signals::take();
     let shared = Arc::new(Shared::new(config.limits.clone(), random_hex(8)));
     let context = zmq::Context::new();
+    if !guard::available(&context) {
+        if !is_local(&config.bind) {
+            return Err(format!(
+                "{} can be reached from other machines, and this libzmq lacks our patches: whoever \
+                 connects could end the server. Build it with env-server/zmq-sys, or serve this \
+                 machine only",
+                config.bind
+            ));
+        }
+        warn!("this libzmq lacks our patches: any program of this machine can end the server");
+    }
     let users = Users::default();
     let security = match &config.keys {
         None => Security::Open,
