@@ -81,13 +81,11 @@ fn a_web_pages_post_is_no_request() {
     let nonce = "ab".repeat(16);
     let p = json!({"id": "rodgym/PendulumBalance-v0", "nonce": nonce});
     let request = wire::encode(&header("make", None, None, p));
-    let head = format!(
-        "POST / HTTP/1.1\r\nHost: 127.0.0.1\r\nOrigin: http://evil.example\r\n\
-                        Content-Type: text/plain\r\nContent-Length: 4096\r\n\r\n"
-    );
+    let head = "POST / HTTP/1.1\r\nHost: 127.0.0.1\r\nOrigin: http://evil.example\r\n\
+                Content-Type: text/plain\r\nContent-Length: 4096\r\n\r\n";
     // Frames of ZMTP 1.0 (length, flags, body), at every offset at which the reader may arrive.
     for shift in 0..90 {
-        let mut bytes = head.clone().into_bytes();
+        let mut bytes = head.as_bytes().to_vec();
         bytes.extend(vec![1u8; shift]);
         for _ in 0..4 {
             bytes.push(request.len() as u8 + 1);

@@ -10,6 +10,9 @@ use tracing::Level;
 /// What `--help` shows; a build of the Python extension without server shows it too.
 const HELP: &str = include_str!("help.txt");
 
+/// Less does not hold one message of the default size beside anything else.
+const LEAST_MEMORY: u64 = 64 << 20;
+
 enum Command {
     Serve(Box<Config>, Logs),
     Keygen(PathBuf),
@@ -88,6 +91,7 @@ fn parse(arguments: impl IntoIterator<Item = OsString>) -> Result<Command, lexop
                 let mebibytes: u32 = parser.value()?.parse()?;
                 config.limits.set("message_bytes", u64::from(mebibytes) << 20)?;
             }
+            Long("memory") => config.memory = Some(bytes(&parser.value()?.string()?)?),
             Long("idle-seconds") => config.limits.set("idle_seconds", parser.value()?.parse()?)?,
             Long("limit") => {
                 let text = parser.value()?.string()?;
@@ -108,6 +112,23 @@ fn parse(arguments: impl IntoIterator<Item = OsString>) -> Result<Command, lexop
         }
     }
     Ok(Command::Serve(Box::new(config), logs))
+}
+
+/// A number of bytes such as `512M` or `4G`.
+fn bytes(text: &str) -> Result<u64, String> {
+    let (number, unit) = match text.char_indices().last() {
+        Some((at, 'K' | 'k')) => (&text[..at], 1 << 10),
+        Some((at, 'M' | 'm')) => (&text[..at], 1 << 20),
+        Some((at, 'G' | 'g')) => (&text[..at], 1 << 30),
+        _ => (text, 1u64),
+    };
+    let bytes = number.parse::<u64>().ok().and_then(|n| n.checked_mul(unit));
+    match bytes {
+        Some(bytes) if bytes >= LEAST_MEMORY => Ok(bytes),
+        _ => Err(format!(
+            "--memory {text}: it must be a number of bytes such as 512M or 4G, at least 64M"
+        )),
+    }
 }
 
 /// Logs go to stderr; a second server in one process keeps the first one's.

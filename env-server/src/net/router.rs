@@ -2,9 +2,10 @@
 
 use super::guard::{self, Bounds};
 use crate::limits::{HIGH_WATER_MARK, Limits};
+use crate::memory::Charge;
 use crate::transport::{Request, Transport, Waker};
 use crate::wire::Frame;
-use std::ffi::c_int;
+use std::ffi::{c_int, c_void};
 use std::io;
 use std::time::Duration;
 
@@ -63,8 +64,14 @@ impl Router {
         front.set_ipv6(endpoint.contains('['))?;
         // With a domain, peers below ZMTP 3 are turned away, keys or not: a web page's POST is such a one.
         front.set_zap_domain(super::zap::DOMAIN)?;
-        let parts = MOST_FRAMES as c_int;
-        guard::apply(&mut front, Bounds { parts, bytes: -1, connections: c_int::MAX });
+        guard::apply(
+            &mut front,
+            Bounds {
+                parts: MOST_FRAMES as c_int,
+                bytes: limits.transport_bytes as i64,
+                connections: limits.connections as c_int,
+            },
+        );
         if let Security::Curve(secret) = security {
             front.set_curve_server(true)?;
             front.set_curve_secretkey(&zmq::z85_decode(secret).map_err(|_| zmq::Error::EINVAL)?)?;
@@ -111,6 +118,45 @@ impl Router {
     }
 }
 
+/// A frame in libzmq's hands, with what is given back when it lets go.
+struct Lent {
+    _frame: Frame,
+    _charge: Option<Charge>,
+}
+
+/// Called by libzmq, on any thread, once it needs the bytes no more.
+unsafe extern "C" fn give_back(_: *mut c_void, lent: *mut c_void) {
+    // SAFETY: `send_shared` made this pointer from a box, and libzmq calls once.
+    drop(unsafe { Box::from_raw(lent.cast::<Lent>()) });
+}
+
+/// Sends a frame without copying it: a large reply in the window and on its way is one.
+fn send_shared(socket: &mut zmq::Socket, frame: Frame, charge: Option<Charge>, more: bool) -> bool {
+    let flags = zmq::DONTWAIT | if more { zmq::SNDMORE } else { 0 };
+    if charge.is_none() && frame.len() < 512 {
+        return socket.send(&frame[..], flags).is_ok();
+    }
+    let (data, size) = (frame.as_ptr(), frame.len());
+    let lent = Box::into_raw(Box::new(Lent { _frame: frame, _charge: charge }));
+    let mut message = zmq_sys::zmq_msg_t::default();
+    // SAFETY: the bytes live as long as `lent`, which `give_back` drops; libzmq only reads them. The
+    // message is initialised before it is sent, and closed if libzmq did not take it.
+    unsafe {
+        let data = data.cast_mut().cast::<c_void>();
+        if zmq_sys::zmq_msg_init_data(&raw mut message, data, size, Some(give_back), lent.cast())
+            != 0
+        {
+            give_back(data, lent.cast());
+            return false;
+        }
+        let sent = zmq_sys::zmq_msg_send(&raw mut message, socket.as_mut_ptr(), flags) >= 0;
+        if !sent {
+            zmq_sys::zmq_msg_close(&raw mut message);
+        }
+        sent
+    }
+}
+
 fn broken(error: zmq::Error) -> io::Error {
     io::Error::other(format!("ZeroMQ: {error}"))
 }
@@ -129,20 +175,16 @@ impl Transport for Router {
         self.take().map_err(broken)
     }
 
-    fn send(&mut self, peer: &[u8], reply: &[Frame]) -> bool {
-        let mut flags = zmq::DONTWAIT | zmq::SNDMORE;
-        if self.front.send(peer, flags).is_err() {
+    fn send(&mut self, peer: &[u8], reply: Vec<Frame>, charge: Charge) -> bool {
+        if self.front.send(peer, zmq::DONTWAIT | zmq::SNDMORE).is_err() {
             return false;
         }
-        for (i, frame) in reply.iter().enumerate() {
-            if i + 1 == reply.len() {
-                flags = zmq::DONTWAIT;
-            }
-            if self.front.send(&frame[..], flags).is_err() {
-                return false;
-            }
-        }
-        true
+        let last = reply.len() - 1;
+        let mut charge = Some(charge);
+        reply.into_iter().enumerate().all(|(i, frame)| {
+            let charge = if i == last { charge.take() } else { None };
+            send_shared(&mut self.front, frame, charge, i < last)
+        })
     }
 
     fn waker(&mut self) -> io::Result<Waker> {
