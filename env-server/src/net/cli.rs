@@ -47,6 +47,9 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> u8 {
                 println!("rodgym-server listens at {endpoint}");
                 if let Some(http) = http {
                     println!("metrics at http://{http}/metrics");
+                    if config.live {
+                        println!("live page at http://{http}/live");
+                    }
                 }
                 let _ = std::io::stdout().flush();
             })

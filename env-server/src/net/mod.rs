@@ -4,6 +4,7 @@ pub mod cli;
 pub mod guard;
 pub mod http;
 pub mod keys;
+mod rate;
 pub mod router;
 pub mod signals;
 pub mod zap;

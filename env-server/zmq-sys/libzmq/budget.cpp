@@ -13,6 +13,9 @@ static const std::size_t per_connection = 16384;
 //  Buffers and queues of a connection from its greeting to its first message.
 static const std::size_t first_message = 131072;
 
+//  Frames beyond this are large.
+static const std::size_t large = 4096;
+
 static std::atomic<int64_t> held (0);
 static std::atomic<int64_t> most (-1);
 static std::atomic<int> connections (0);
@@ -38,20 +41,26 @@ void sub (std::size_t bytes_)
     held.fetch_sub (static_cast<int64_t> (bytes_), std::memory_order_relaxed);
 }
 
+static bool room_for (std::size_t bytes_, int64_t limit_)
+{
+    return limit_ < 0
+           || held.load (std::memory_order_relaxed)
+                  + static_cast<int64_t> (bytes_)
+                <= limit_;
+}
+
 bool room (std::size_t bytes_)
 {
     const int64_t limit = most.load (std::memory_order_relaxed);
-    return limit < 0
-           || held.load (std::memory_order_relaxed)
-                  + static_cast<int64_t> (bytes_)
-                <= limit;
+    //  What is large leaves a quarter, so that small requests go on when large ones fill the rest.
+    return room_for (bytes_, bytes_ > large ? limit - limit / 4 : limit);
 }
 
 bool connection ()
 {
     const int limit = most_connections.load (std::memory_order_relaxed);
     return (limit < 0 || connections.load (std::memory_order_relaxed) < limit)
-           && room (per_connection + first_message);
+           && room_for (per_connection + first_message, most.load (std::memory_order_relaxed));
 }
 
 void enter ()
