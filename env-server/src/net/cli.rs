@@ -43,15 +43,16 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Serve(config, logs) => {
             start_logs(&logs);
             serve(&config, |endpoint, http| {
-                // Others wait for this line to learn the port.
-                println!("rodgym-server listens at {endpoint}");
+                // Others wait for the first line to learn the port, and may then close their end.
+                let mut text = format!("rodgym-server listens at {endpoint}\n");
                 if let Some(http) = http {
-                    println!("metrics at http://{http}/metrics");
+                    text += &format!("metrics at http://{http}/metrics\n");
                     if config.live {
-                        println!("live page at http://{http}/live");
+                        text += &format!("live page at http://{http}/live\n");
                     }
                 }
-                let _ = std::io::stdout().flush();
+                let mut out = std::io::stdout();
+                let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
             })
         }
     });
