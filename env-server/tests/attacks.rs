@@ -145,7 +145,7 @@ fn admitted(server: &Served) -> std::net::TcpStream {
     let mut stream = server.raw();
     stream.write_all(&[greeting("NULL"), ready(DEALER)].concat()).expect("it listens");
     // Its greeting (64 bytes) and READY: only then may a message follow.
-    let mut answer = [0; 64 + 2 + 28];
+    let mut answer = [0; 64 + 2 + 41];
     stream.read_exact(&mut answer).expect("it answers");
     stream
 }

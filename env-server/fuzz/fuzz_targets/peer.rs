@@ -9,9 +9,9 @@ use libfuzzer_sys::fuzz_target;
 use rodgym_server::limits::Limits;
 use rodgym_server::net::router::{Router, Security};
 use rodgym_server::transport::Transport;
+use std::cell::RefCell;
 use std::io::{Read, Write};
 use std::os::unix::net::UnixStream;
-use std::sync::{Mutex, OnceLock};
 use std::time::Duration;
 
 const READY: &[u8] = b"\x04\x19\x05READY\x0bSocket-Type\x00\x00\x00\x06DEALER";
@@ -22,18 +22,24 @@ struct Port {
     runs: u64,
 }
 
-fn port() -> &'static Mutex<Port> {
-    static PORT: OnceLock<Mutex<Port>> = OnceLock::new();
-    PORT.get_or_init(|| {
+thread_local! {
+    static PORT: RefCell<Port> = RefCell::new(Port::open());
+}
+
+impl Port {
+    fn open() -> Self {
         let context = zmq::Context::new();
         let anybody = Box::new(|_: Option<&str>| Some("anybody".to_string()));
         let limits = Limits { message_bytes: 1 << 20, ..Limits::default() };
-        let front = Router::bind(&context, "tcp://127.0.0.1:*", &Security::Open, &limits, anybody)
-            .expect("a free port");
+        // A socket in the file system: runs would use up the ports of this machine.
+        let path = std::env::temp_dir().join(format!("rodgym-fuzz-{}", std::process::id()));
+        let address = format!("ipc://{}", path.display());
+        let front = Router::bind(&context, &address, &Security::Open, &limits, anybody)
+            .expect("a free address");
         let bystander = context.socket(zmq::DEALER).expect("a socket");
         bystander.connect(front.endpoint()).expect("an address");
-        Mutex::new(Port { front, bystander, runs: 0 })
-    })
+        Port { front, bystander, runs: 0 }
+    }
 }
 
 fn greeting() -> Vec<u8> {
@@ -43,8 +49,9 @@ fn greeting() -> Vec<u8> {
     bytes
 }
 
-fuzz_target!(|bytes: &[u8]| {
-    let mut port = port().lock().expect("no panic while held");
+fuzz_target!(|bytes: &[u8]| PORT.with_borrow_mut(|port| run(port, bytes)));
+
+fn run(port: &mut Port, bytes: &[u8]) {
     let Some((stage, bytes)) = bytes.split_first() else { return };
     let address = port.front.endpoint().trim_start_matches("ipc://").to_string();
     let mut peer = UnixStream::connect(address).expect("it listens");
@@ -56,7 +63,7 @@ fuzz_target!(|bytes: &[u8]| {
     });
     if stage % 4 == 3 {
         // Behind the server's own greeting and READY, messages may come.
-        let _ = peer.read_exact(&mut [0; 64 + 2 + 28]);
+        let _ = peer.read_exact(&mut [0; 64 + 2 + 41]);
     }
     let _ = peer.write_all(bytes);
     let _ = peer.shutdown(std::net::Shutdown::Write);
@@ -71,4 +78,4 @@ fuzz_target!(|bytes: &[u8]| {
             break;
         }
     }
-});
+}
