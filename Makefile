@@ -28,7 +28,8 @@ demo: extension ## train an agent, compare it with the LQR, write runs/demo/repo
 	$(BIN)/rodgym demo $(ARGS)
 
 test: lint test-rust test-oldest test-python ## everything that must hold before a change lands
-# One extension for all of it, the one with the server; linters see its code too.
+# One extension for all of it, the one with the server; linters see its code too. (Without: `default` keeps
+# the features of pyproject.toml out, which would compile libzmq for a demo.)
 test lint server: FEATURES := --features server
 
 lint: lint-rust lint-python ## formats, clippy, ruff, mypy
@@ -81,7 +82,7 @@ soak-fin: extension ## long: a million random steps of every fin, writes docs/fi
 fuzz: ## long: FUZZ_SECONDS of each target (needs nightly Rust and cargo-fuzz)
 	@cargo +nightly fuzz --version || { echo "rustup toolchain install nightly && cargo install cargo-fuzz"; exit 1; }
 	$(PYTHON) env-server/fuzz/seed.py
-	cd env-server && for target in header machine; do \
+	cd env-server && for target in header machine peer; do \
 	  cargo +nightly fuzz run $$target -- -max_total_time=$(FUZZ_SECONDS) -max_len=20000 -rss_limit_mb=2048 \
 	    -print_final_stats=1; \
 	done
@@ -115,7 +116,7 @@ scores: extension ## long: trains on several seeds and writes docs/scores.md
 # What the build says is shown when it fails.
 extension: venv
 	@echo "building the extension ..."
-	@$(BIN)/maturin develop --release --quiet $(FEATURES) > $(VENV)/build.log 2>&1 \
+	@$(BIN)/maturin develop --release --quiet $(or $(FEATURES),--features default) > $(VENV)/build.log 2>&1 \
 		|| { cat $(VENV)/build.log >&2; exit 1; }
 
 # The environment is made once, and again when the project's dependencies change (by their text:
@@ -127,7 +128,7 @@ set-up:
 	@echo "setting up $(VENV) (once; downloads PyTorch) ..."; began=$$SECONDS; \
 	$(PYTHON) -m venv $(VENV); \
 	$(BIN)/python -m pip install --quiet 'maturin>=1.9,<2'; \
-	$(BIN)/maturin develop --release --quiet --extras $(EXTRAS); \
+	$(BIN)/maturin develop --release --quiet --features default --extras $(EXTRAS); \
 	cp pyproject.toml $(VENV)/.ready; \
 	echo "set-up took $$((SECONDS - began)) s"
 

@@ -1,4 +1,4 @@
-"""Writes the seed corpus of both targets from the golden frames: python env-server/fuzz/seed.py"""
+"""Writes the seed corpus of all targets from the golden frames: python env-server/fuzz/seed.py"""
 
 import json
 from pathlib import Path
@@ -8,7 +8,7 @@ GOLDEN = FUZZ.parents[1] / "docs" / "clients" / "golden.jsonl"
 
 
 def main() -> None:
-    """One file an exchange for `header`; growing conversations for `machine`."""
+    """One file an exchange for `header` and `peer`; growing conversations for `machine`."""
     conversation = b""
     session = None
     for i, line in enumerate(GOLDEN.read_text().splitlines()):
@@ -21,7 +21,13 @@ def main() -> None:
         conversation += bytes([len(frames)])
         for frame in frames:
             conversation += len(frame).to_bytes(2, "big") + frame
-        for target, content in (("header", frames[0] or frames[1]), ("machine", conversation)):
+        # The peer has shaken hands (3); 2 says that a frame's length has eight bytes, 1 that more come.
+        message = b"\x03" + b"".join(
+            bytes([2 | (k + 1 < len(frames))]) + len(frame).to_bytes(8, "big") + frame
+            for k, frame in enumerate(frames)
+        )
+        contents = {"header": frames[0] or frames[1], "machine": conversation, "peer": message}
+        for target, content in contents.items():
             folder = FUZZ / "corpus" / target
             folder.mkdir(parents=True, exist_ok=True)
             (folder / f"golden-{i:02}").write_bytes(content)

@@ -5,15 +5,20 @@
 //! builds libzmq with CURVE from source.
 
 pub mod error;
+mod json;
 pub mod limits;
 pub mod live;
+pub mod memory;
 pub mod metrics;
 #[cfg(feature = "zmq")]
 pub mod net;
+pub mod pool;
 pub mod run;
 pub mod server;
 pub mod session;
 pub mod shared;
+pub mod size;
 pub mod transport;
 pub mod window;
 pub mod wire;
+pub mod work;

@@ -13,7 +13,7 @@ pub struct Limits {
     pub sessions_per_user: usize,
     /// Environments of one session, unless the key file says otherwise.
     pub envs: usize,
-    /// Bytes of one frame, both ways.
+    /// Bytes of a request, and of a reply's arrays.
     pub message_bytes: usize,
     /// Bytes of a request's header.
     pub header_bytes: usize,
@@ -21,6 +21,12 @@ pub struct Limits {
     pub frames: usize,
     /// Replies that a session remembers; a client may ask for fewer.
     pub window: usize,
+    /// Work of one control step of a session: environments x nodes x physics steps.
+    pub node_steps: u64,
+    /// Bytes of sessions, of requests that wait and of replies that are not read yet.
+    pub memory_bytes: usize,
+    /// The same, of one user.
+    pub memory_per_user_bytes: usize,
     /// Seconds after which a session that nobody uses is dropped.
     pub idle_seconds: u64,
     /// Threads of one step.
@@ -28,6 +34,12 @@ pub struct Limits {
     /// Milliseconds that a connection may take for its handshake.
     #[serde(skip_serializing)]
     pub handshake_ms: i32,
+    /// Bytes that the transport may hold for all peers: what arrives, and connections.
+    #[serde(skip_serializing)]
+    pub transport_bytes: usize,
+    /// Connections at a time.
+    #[serde(skip_serializing)]
+    pub connections: usize,
     /// Connections that wait to be accepted.
     #[serde(skip_serializing)]
     pub backlog: i32,
@@ -46,9 +58,14 @@ impl Default for Limits {
             header_bytes: 4096,
             frames: 8,
             window: 16,
+            node_steps: 10_000_000,
+            memory_bytes: 768 << 20,
+            memory_per_user_bytes: 768 << 20,
             idle_seconds: 600,
             threads: 1,
             handshake_ms: 2000,
+            transport_bytes: 256 << 20,
+            connections: 4096,
             backlog: 1024,
             linger_ms: 500,
         }
@@ -73,6 +90,8 @@ impl Limits {
             // What libzmq takes.
             "handshake_ms" | "backlog" | "linger_ms" => i32::MAX as u64,
             "message_bytes" => i64::MAX as u64,
+            "node_steps" => u64::MAX,
+            "connections" => i32::MAX as u64,
             _ => u64::from(u32::MAX),
         };
         if !(least..=most).contains(&value) {
@@ -87,6 +106,8 @@ impl Limits {
             "header_bytes" => self.header_bytes = size,
             "frames" => self.frames = size,
             "window" => self.window = size,
+            "node_steps" => self.node_steps = value,
+            "connections" => self.connections = size,
             "idle_seconds" => self.idle_seconds = value,
             "threads" => self.threads = size,
             "handshake_ms" => self.handshake_ms = value as i32,
@@ -95,6 +116,17 @@ impl Limits {
             _ => return Err(format!("'{name}' is not a limit")),
         }
         Ok(())
+    }
+
+    /// Divides the memory that the whole server may take: a quarter to the transport, the rest to
+    /// sessions and messages; with several users, one may have half of that. A message takes no more
+    /// than half of what the transport has.
+    pub fn share_memory(&mut self, bytes: u64, several_users: bool) {
+        let bytes = usize::try_from(bytes).unwrap_or(usize::MAX);
+        self.transport_bytes = bytes / 4;
+        self.memory_bytes = bytes - bytes / 4;
+        self.message_bytes = self.message_bytes.min(self.transport_bytes / 2);
+        self.memory_per_user_bytes = self.memory_bytes / if several_users { 2 } else { 1 };
     }
 
     /// Time after which an idle session is dropped.

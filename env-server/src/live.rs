@@ -4,12 +4,11 @@ use crate::server::Server;
 use crate::session::Session;
 use rodgym_core::env::Scene;
 use serde_json::{Value, json};
-use std::collections::BTreeMap;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::time::Duration;
 
-/// Sessions of one shard that are shown.
+/// Sessions that are shown.
 const SESSIONS: usize = 12;
 /// Environments of one session that are shown.
 const ENVS: usize = 4;
@@ -20,7 +19,7 @@ const NODES: usize = 60;
 #[derive(Debug, Default)]
 pub struct Live {
     watchers: AtomicUsize,
-    parts: Mutex<BTreeMap<usize, Value>>,
+    shown: Mutex<Vec<Value>>,
 }
 
 /// Somebody who watches, until dropped.
@@ -48,28 +47,38 @@ impl Live {
         self.watchers.load(Relaxed) > 0
     }
 
-    /// Stores the pictures of a shard.
-    pub fn publish(&self, part: usize, server: &Server) {
-        let mut shown: Vec<Value> = server.sessions().map(|(sid, s)| picture(sid, s)).collect();
-        shown.sort_by_key(|s| s["name"].as_str().map(str::to_owned));
-        shown.truncate(SESSIONS);
-        self.parts.lock().expect("no panic while held").insert(part, shown.into());
+    /// Stores new pictures; a session that is being worked on keeps its last one.
+    pub fn publish(&self, server: &Server) {
+        let mut shown = self.shown.lock().expect("no panic while held");
+        let mut new: Vec<Value> = server
+            .sessions()
+            .filter_map(|(sid, owner, session)| match session {
+                Some(session) => Some(picture(sid, owner, session)),
+                None => shown.iter().find(|old| old["name"] == name(sid).as_str()).cloned(),
+            })
+            .collect();
+        new.sort_by_key(|s| s["name"].as_str().map(str::to_owned));
+        new.truncate(SESSIONS);
+        *shown = new;
     }
 
-    /// The pictures of all shards, as the page reads them.
+    /// The pictures, as the page reads them.
     pub fn sessions(&self) -> Value {
-        let parts = self.parts.lock().expect("no panic while held");
-        parts.values().flat_map(|part| part.as_array().into_iter().flatten().cloned()).collect()
+        self.shown.lock().expect("no panic while held").clone().into()
     }
 }
 
-fn picture(sid: u128, session: &Session) -> Value {
+/// Session numbers are secrets: a checksum tells them apart as well.
+fn name(sid: u128) -> String {
+    format!("{:08x}", crc32fast::hash(&sid.to_be_bytes()))
+}
+
+fn picture(sid: u128, owner: &str, session: &Session) -> Value {
     let env = session.env();
     let shown = env.num_envs().min(ENVS);
     json!({
-        // Session numbers are secrets: a checksum tells them apart as well.
-        "name": format!("{:08x}", crc32fast::hash(&sid.to_be_bytes())),
-        "owner": session.owner,
+        "name": name(sid),
+        "owner": owner,
         "id": env.spec().id,
         "envs": env.num_envs(),
         "steps": session.steps,

@@ -1,15 +1,18 @@
-//! The server as a pure state machine: frames in, frames out; no sockets, no clock, no randomness of
-//! its own.
+//! The server as a pure state machine: frames in, frames out; no sockets, no threads, no clock, no
+//! randomness of its own.
 //!
-//! One `Server` owns some sessions. A transport may run several of them (shards) on threads of their
-//! own: a session's number says which one owns it, and what they share is in `Shared`.
+//! `begin` judges a request. What a session has to compute comes out as `Work`, with the session inside,
+//! for the caller to run where it likes; `finish` takes the session back and gives the reply. `handle`
+//! does all of it at once.
 
 use crate::error::{Code, Refusal};
-use crate::metrics::{Metrics, OPS};
-use crate::session::{Answer, Session, field};
+use crate::metrics::OPS;
+use crate::session::{Answer, Session, field, lists_from_arrays};
 use crate::shared::Shared;
-use crate::window::Verdict;
+use crate::size::Size;
+use crate::window::Digest;
 use crate::wire::{self, Arrays, ErrorBody, Frame, ReplyHeader, RequestHeader, VERSION};
+use crate::work::{Finished, Making, Task, Ticket, Work};
 use rodgym_core::catalog::{self, MakeOptions};
 use rodgym_core::env::{AutoresetMode, VectorEnv};
 use serde_json::{Map, Value, json};
@@ -17,40 +20,71 @@ use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
-use std::time::{Duration, Instant};
+use std::time::Duration;
+
+/// What `list` answers: ids, and what each stands for.
+fn list() -> Value {
+    let entries = catalog::entries();
+    let ids: Vec<&str> = entries.iter().map(|entry| entry.id).collect();
+    json!({"ids": ids, "environments": entries})
+}
 
 /// Makes batches: `catalog::make`, or a test's own environments.
-pub type Factory = Box<dyn Fn(&MakeOptions) -> rodgym_core::Result<Box<dyn VectorEnv>> + Send>;
+pub type Factory =
+    Arc<dyn Fn(&MakeOptions) -> rodgym_core::Result<Box<dyn VectorEnv>> + Send + Sync>;
 
 /// Sessions and what is done with them.
 pub struct Server {
     shared: Arc<Shared>,
-    shard: u8,
-    shards: u8,
-    sessions: HashMap<u128, Session>,
-    by_nonce: HashMap<(String, u128), u128>,
+    sessions: HashMap<u128, Slot>,
+    by_nonce: HashMap<(Arc<str>, u128), u128>,
     factory: Factory,
     ids: Box<dyn FnMut() -> u128 + Send>,
+    /// Nobody else knows it, so nobody finds two calls with one digest.
+    key: [u8; 32],
+}
+
+/// Who owns a session, and the session unless it is being worked on.
+struct Slot {
+    owner: Arc<str>,
+    /// What `make` was called with: nonce and digest of its content.
+    made_by: (u128, Digest),
+    session: Option<Box<Session>>,
+    /// To be dropped when it comes back.
+    doomed: bool,
+}
+
+/// What becomes of a request.
+pub enum Begun {
+    /// It is answered.
+    Reply(Vec<Frame>),
+    /// This is to be run and finished.
+    Work(Work),
+    /// The session is being worked on: begin again with these frames once that is finished.
+    Later(u128, Vec<Vec<u8>>),
+}
+
+/// The same, before a reply has its frames.
+enum Next {
+    Answer(Option<u128>, Answer),
+    Work(u128, Duration, Task),
+    Later(u128),
 }
 
 impl Server {
-    /// A server with a single shard over the registry; `ids` gives unpredictable session numbers.
-    pub fn new(shared: Arc<Shared>, ids: Box<dyn FnMut() -> u128 + Send>) -> Self {
+    /// A server over the registry; `ids` gives unpredictable numbers.
+    pub fn new(shared: Arc<Shared>, mut ids: Box<dyn FnMut() -> u128 + Send>) -> Self {
+        let mut key = [0; 32];
+        key[..16].copy_from_slice(&ids().to_le_bytes());
+        key[16..].copy_from_slice(&ids().to_le_bytes());
         Server {
             shared,
-            shard: 0,
-            shards: 1,
             sessions: HashMap::new(),
             by_nonce: HashMap::new(),
-            factory: Box::new(catalog::make),
+            factory: Arc::new(catalog::make),
             ids,
+            key,
         }
-    }
-
-    /// Makes this number `shard` of `shards`.
-    pub fn shard(mut self, shard: u8, shards: u8) -> Self {
-        (self.shard, self.shards) = (shard, shards);
-        self
     }
 
     /// Makes batches in another way.
@@ -67,19 +101,71 @@ impl Server {
         user: &str,
         frames: &[F],
     ) -> Vec<Frame> {
-        let delimited = frames.first().is_some_and(|f| f.as_ref().is_empty());
-        let body = &frames[usize::from(delimited)..];
-        let mut reply = self.answer(now, user, body);
-        if delimited {
-            reply.insert(0, Frame::from([]));
+        let frames = frames.iter().map(|f| f.as_ref().to_vec()).collect();
+        match self.begin(now, &user.into(), frames) {
+            Begun::Reply(reply) => reply,
+            Begun::Work(work) => self.finish(work.run()),
+            Begun::Later(..) => unreachable!("nothing is being worked on between two calls"),
         }
-        reply
+    }
+
+    /// Judges one request of `user`.
+    pub fn begin(&mut self, now: Duration, user: &Arc<str>, mut frames: Vec<Vec<u8>>) -> Begun {
+        let delimited = frames.first().is_some_and(Vec::is_empty);
+        let mut ticket = Ticket { rid: 0, delimited };
+        let body = &frames[usize::from(delimited)..];
+        let head = body.first().map(Vec::as_slice).unwrap_or_default();
+        let header = match wire::decode_request(head, self.shared.limits.header_bytes) {
+            Ok(header) => header,
+            Err((rid, refusal)) => {
+                ticket.rid = rid;
+                return Begun::Reply(self.reply(ticket, None, Err(refusal)));
+            }
+        };
+        ticket.rid = header.rid;
+        let sid = header.sid.as_deref().and_then(parse_id).filter(|sid| self.owns(user, *sid));
+        // What no session does can still panic: a one-environment batch is made to be measured.
+        let next = catch_unwind(AssertUnwindSafe(|| self.judge(now, user, &header, sid, body)));
+        let next = next.unwrap_or_else(|_| {
+            let text = format!("'{}' failed inside the server", header.op);
+            Err(Refusal::new(Code::Internal, text))
+        });
+        match next {
+            Ok(Next::Answer(sid, answer)) => Begun::Reply(self.reply(ticket, sid, Ok(answer))),
+            Ok(Next::Later(sid)) => Begun::Later(sid, frames),
+            Ok(Next::Work(sid, expected, mut task)) => {
+                if let Task::Operate { frames: arrays, header: h, .. } = &mut task {
+                    *arrays = frames.split_off(usize::from(delimited) + 1);
+                    **h = header;
+                }
+                Begun::Work(Work { sid, ticket, expected, shared: self.shared.clone(), task })
+            }
+            Err(refusal) => Begun::Reply(self.reply(ticket, sid, Err(refusal))),
+        }
+    }
+
+    /// Takes a session back from its work and gives the reply.
+    pub fn finish(&mut self, finished: Finished) -> Vec<Frame> {
+        let Finished { sid, ticket, session, outcome } = finished;
+        let slot = self.sessions.get_mut(&sid).expect("a slot stays while its session is away");
+        match session {
+            Some(_) if slot.doomed => {
+                self.remove(sid);
+                self.shared.metrics.revoked.fetch_add(1, Relaxed);
+            }
+            Some(session) => slot.session = Some(session),
+            None => self.remove(sid),
+        }
+        // The reply of `make` is of no session yet.
+        let made = matches!(&outcome, Ok(answer) if answer.p.contains_key("sid"));
+        self.reply(ticket, (!made).then_some(sid), outcome)
     }
 
     /// Drops sessions that nobody has used for too long.
     pub fn reap(&mut self, now: Duration) -> usize {
         let idle = self.shared.limits.idle();
-        let old = |s: &Session| now.saturating_sub(s.used) > idle;
+        let old =
+            |slot: &Slot| slot.session.as_ref().is_some_and(|s| now.saturating_sub(s.used) > idle);
         let dropped = self.drop_where(old);
         self.shared.metrics.reaped.fetch_add(dropped as u64, Relaxed);
         dropped
@@ -87,17 +173,20 @@ impl Server {
 
     /// Drops all sessions of users that are no longer allowed.
     pub fn revoke(&mut self, allowed: impl Fn(&str) -> bool) -> usize {
-        let dropped = self.drop_where(|s| !allowed(&s.owner));
+        for slot in self.sessions.values_mut().filter(|slot| slot.session.is_none()) {
+            slot.doomed |= !allowed(&slot.owner);
+        }
+        let dropped = self.drop_where(|slot| slot.session.is_some() && !allowed(&slot.owner));
         self.shared.metrics.revoked.fetch_add(dropped as u64, Relaxed);
         dropped
     }
 
-    /// Sessions alive, with their numbers.
-    pub fn sessions(&self) -> impl Iterator<Item = (u128, &Session)> {
-        self.sessions.iter().map(|(sid, session)| (*sid, session))
+    /// Sessions alive: number, owner, and the session unless it is being worked on.
+    pub fn sessions(&self) -> impl Iterator<Item = (u128, &str, Option<&Session>)> {
+        self.sessions.iter().map(|(sid, slot)| (*sid, &*slot.owner, slot.session.as_deref()))
     }
 
-    fn drop_where(&mut self, condition: impl Fn(&Session) -> bool) -> usize {
+    fn drop_where(&mut self, condition: impl Fn(&Slot) -> bool) -> usize {
         let gone: Vec<u128> =
             self.sessions.iter().filter(|(_, s)| condition(s)).map(|(sid, _)| *sid).collect();
         for sid in &gone {
@@ -107,76 +196,64 @@ impl Server {
     }
 
     fn remove(&mut self, sid: u128) {
-        if let Some(session) = self.sessions.remove(&sid) {
-            self.shared.release(&session.owner);
-            self.by_nonce.remove(&(session.owner, session.made_by.0));
+        if let Some(slot) = self.sessions.remove(&sid) {
+            self.by_nonce.remove(&(slot.owner, slot.made_by.0));
         }
     }
 
-    fn answer<F: AsRef<[u8]>>(&mut self, now: Duration, user: &str, frames: &[F]) -> Vec<Frame> {
-        let head = frames.first().map(AsRef::as_ref).unwrap_or_default();
-        let header = match wire::decode_request(head, self.shared.limits.header_bytes) {
-            Ok(header) => header,
-            Err((rid, refusal)) => return self.reply(rid, None, Err(refusal)),
-        };
-        let most = self.shared.limits.frames;
-        if frames.len() > most {
-            let text = format!("the request has {} frames; {most} are allowed", frames.len());
-            return self.reply(header.rid, None, Err(Refusal::new(Code::Limit, text)));
-        }
-        self.shared.metrics.request(&header.op);
-        let sid = header.sid.as_deref().and_then(parse_id);
-        let mine = sid.filter(|sid| self.sessions.get(sid).is_some_and(|s| s.owner == user));
-        let arrays = Arrays::new(&header.arr, &frames[1..]);
-        // A panic in an environment costs its session, not the server.
-        let outcome = catch_unwind(AssertUnwindSafe(|| {
-            self.perform(now, user, &header, mine, arrays?, &frames[1..])
-        }))
-        .unwrap_or_else(|_| {
-            if let Some(sid) = mine {
-                self.remove(sid);
-            }
-            let text = format!("'{}' failed inside the server; its session is lost", header.op);
-            Err(Refusal::new(Code::Internal, text))
-        });
-        let last = mine.and_then(|sid| self.sessions.get(&sid)).map(|s| s.window.last());
-        self.reply(header.rid, last, outcome)
+    fn owns(&self, user: &str, sid: u128) -> bool {
+        self.sessions.get(&sid).is_some_and(|slot| &*slot.owner == user)
     }
 
-    fn perform<F: AsRef<[u8]>>(
+    fn judge(
         &mut self,
         now: Duration,
-        user: &str,
+        user: &Arc<str>,
         header: &RequestHeader,
         mine: Option<u128>,
-        arrays: Arrays,
-        frames: &[F],
-    ) -> Result<Answer, Refusal> {
-        let p = &header.p;
+        body: &[Vec<u8>],
+    ) -> Result<Next, Refusal> {
+        let (most, bytes) = (self.shared.limits.frames, self.shared.limits.message_bytes);
+        if body.len() > most {
+            let text = format!("the request has {} frames; {most} are allowed", body.len());
+            return Err(Refusal::new(Code::Limit, text));
+        }
+        let sent: usize = body.iter().map(Vec::len).sum();
+        if sent > bytes {
+            let text = format!("the request has {sent} bytes; {bytes} are allowed");
+            return Err(Refusal::new(Code::Limit, text));
+        }
+        self.shared.metrics.request(&header.op);
+        let frames = &body[1..];
+        let arrays = Arrays::new(&header.arr, frames)?;
+        let plain = |answer| Ok(Next::Answer(mine, answer));
         match header.op.as_str() {
-            "hello" => Ok(self.hello(user)),
-            "list" => Ok(Answer::of(
-                json!({"ids": catalog::entries().iter().map(|e| e.id).collect::<Vec<_>>(), "environments": catalog::entries()}),
-            )),
-            "ping" => Ok(Answer::of(json!({"uptime": now.as_secs_f64()}))),
-            "stats" => Ok(self.stats(user, now)),
-            "make" => self.make(now, user, header, frames),
+            "hello" => plain(self.hello(user)),
+            "list" => plain(Answer::of(list())),
+            "ping" => plain(Answer::of(json!({"uptime": now.as_secs_f64()}))),
+            "stats" => plain(self.stats(user, now)),
+            "make" => self.make(now, user, header, &arrays, frames),
             op if OPS.contains(&op) => {
                 let sid = mine.ok_or_else(|| no_session(header.sid.as_deref()))?;
-                let session = self.sessions.get_mut(&sid).expect("it was just found");
+                let slot = self.sessions.get_mut(&sid).expect("it was just found");
+                let Some(session) = &mut slot.session else { return Ok(Next::Later(sid)) };
                 session.used = now;
                 match op {
-                    "touch" => Ok(Answer::default()),
-                    "info" => Ok(info(session)),
-                    "observe" => session.observe(p),
-                    "nodes" => session.nodes(p),
-                    "render" => session.scene(p),
-                    "get_state" => session.get_state(p, self.shared.limits.message_bytes),
+                    "touch" => plain(Answer::default()),
+                    "info" => plain(info(session)),
                     "close" => {
                         self.remove(sid);
-                        Ok(Answer::default())
+                        plain(Answer::default())
                     }
-                    _ => change(session, &self.shared.metrics, header, arrays, frames),
+                    _ => {
+                        let session = slot.session.take().expect("it is here");
+                        let (expected, digest) =
+                            (session.expected, digest(&self.key, header, frames));
+                        // Header and frames move in when nobody looks at them any more.
+                        let (header, frames) = (Box::default(), vec![]);
+                        let task = Task::Operate { session, header, frames, digest };
+                        Ok(Next::Work(sid, expected, task))
+                    }
                 }
             }
             other => {
@@ -204,70 +281,65 @@ impl Server {
             "sessions": m.sessions.load(Relaxed),
             "own_sessions": self.shared.sessions_of(user),
             "env_steps": m.env_steps.load(Relaxed),
+            "memory_bytes": self.shared.ledger.taken(),
             "replayed": m.replayed.load(Relaxed),
             "reaped": m.reaped.load(Relaxed),
         }))
     }
 
-    fn make<F: AsRef<[u8]>>(
+    /// Everything is read and judged before anything is reserved.
+    fn make(
         &mut self,
         now: Duration,
-        user: &str,
+        user: &Arc<str>,
         header: &RequestHeader,
-        frames: &[F],
-    ) -> Result<Answer, Refusal> {
+        arrays: &Arrays,
+        frames: &[Vec<u8>],
+    ) -> Result<Next, Refusal> {
         let p = &header.p;
         let nonce: String = field(p, "nonce")?;
         let nonce = parse_id(&nonce).ok_or_else(|| {
             let text = format!("parameter 'nonce' = '{nonce}' is not 32 hexadecimal digits");
             Refusal::new(Code::BadRequest, text)
         })?;
-        let digest = digest(header, frames);
-        if let Some(sid) = self.by_nonce.get(&(user.to_string(), nonce)) {
-            let session = &self.sessions[sid];
-            if session.made_by.1 != digest {
+        let digest = digest(&self.key, header, frames);
+        if let Some(sid) = self.by_nonce.get(&(user.clone(), nonce)) {
+            let slot = &self.sessions[sid];
+            if slot.made_by.1 != digest {
                 let text = "this nonce has made another session with other parameters";
                 return Err(Refusal::new(Code::NonceConflict, text));
             }
+            let Some(session) = &slot.session else { return Ok(Next::Later(*sid)) };
             self.shared.metrics.replayed.fetch_add(1, Relaxed);
-            return Ok(session.greeting.clone());
+            return Ok(Next::Answer(None, session.greeting.clone()));
         }
         if self.shared.draining.load(Relaxed) {
             return Err(Refusal::later(Code::Draining, "this server is shutting down", 5000));
         }
-        let options = self.make_options(user, p)?;
-        self.shared.admit(user)?;
-        let made = catch_unwind(AssertUnwindSafe(|| (self.factory)(&options)));
-        let env = match made {
-            Ok(Ok(env)) => env,
-            failed => {
-                self.shared.release(user);
-                let text = format!("making '{}' failed inside the server", options.id);
-                return match failed {
-                    Ok(Err(error)) => Err(error.into()),
-                    _ => Err(Refusal::new(Code::Internal, text)),
-                };
-            }
-        };
-        let (bytes, most) = (Session::largest_reply(&*env), self.shared.limits.message_bytes);
-        if bytes > most {
-            self.shared.release(user);
-            let text = format!("a step of this batch could need {bytes} bytes; {most} are allowed");
-            return Err(Refusal::new(Code::Limit, text));
-        }
         let granted = self.shared.limits.window;
         let window = field::<Option<usize>>(p, "window")?.unwrap_or(granted).clamp(1, granted);
+        let mut options = self.make_options(user, p, arrays)?;
+        let size = Size::of(&self.factory, &mut options, !p.contains_key("max_episode_steps"))?;
+        size.check(&options, &self.shared.limits)?;
+        let place = self.shared.admit(user)?;
+        let charge = self.shared.ledger.take(user, size.memory(window))?;
         let sid = self.new_id();
-        let mut session = Session::new(env, user, (nonce, digest), window, now);
-        session.greeting = greeting(sid, window, session.env());
-        let answer = session.greeting.clone();
-        self.sessions.insert(sid, session);
-        self.by_nonce.insert((user.into(), nonce), sid);
-        self.shared.metrics.made.fetch_add(1, Relaxed);
-        Ok(answer)
+        let expected = size.guess();
+        let factory = self.factory.clone();
+        let making = Making { factory, options, window, now, place, charge, expected };
+        let slot =
+            Slot { owner: user.clone(), made_by: (nonce, digest), session: None, doomed: false };
+        self.sessions.insert(sid, slot);
+        self.by_nonce.insert((user.clone(), nonce), sid);
+        Ok(Next::Work(sid, size.guess(), Task::Make(Box::new(making))))
     }
 
-    fn make_options(&self, user: &str, p: &Map<String, Value>) -> Result<MakeOptions, Refusal> {
+    fn make_options(
+        &self,
+        user: &str,
+        p: &Map<String, Value>,
+        arrays: &Arrays,
+    ) -> Result<MakeOptions, Refusal> {
         let num_envs = field::<Option<usize>>(p, "num_envs")?.unwrap_or(1);
         let most = self.shared.user_limits(user).envs.unwrap_or(self.shared.limits.envs);
         if num_envs == 0 || num_envs > most {
@@ -275,38 +347,43 @@ impl Server {
             return Err(Refusal::new(Code::Limit, text));
         }
         let mode = field::<Option<AutoresetMode>>(p, "autoreset_mode")?;
-        let mut options = MakeOptions {
+        let mut kwargs: Map<String, Value> = field(p, "kwargs")?;
+        for (name, value) in lists_from_arrays(arrays, "kwargs:")? {
+            insert(&mut kwargs, &name, value).ok_or_else(|| {
+                let text = format!("keyword '{name}' is given in 'kwargs' and as an array");
+                Refusal::new(Code::BadRequest, text)
+            })?;
+        }
+        Ok(MakeOptions {
             id: field(p, "id")?,
             num_envs,
-            kwargs: field(p, "kwargs")?,
+            kwargs,
             autoreset_mode: mode.unwrap_or(AutoresetMode::NextStep),
             max_episode_steps: field(p, "max_episode_steps")?,
             num_threads: self.shared.limits.threads,
-        };
-        // Absent means the environment's own time limit; null means none.
-        if !p.contains_key("max_episode_steps") {
-            let one = (self.factory)(&MakeOptions { num_envs: 1, ..options.clone() })?;
-            options.max_episode_steps = Some(one.spec().default_max_episode_steps);
-        }
-        Ok(options)
+        })
     }
 
-    /// A free session number whose first byte names this shard.
+    /// A free session number.
     fn new_id(&mut self) -> u128 {
         loop {
             let id = (self.ids)();
-            let byte = (id >> 120) as u8;
-            let byte = byte - byte % self.shards;
-            let byte = byte.checked_add(self.shard).unwrap_or(self.shard);
-            let id = id & (u128::MAX >> 8) | u128::from(byte) << 120;
             if !self.sessions.contains_key(&id) {
                 return id;
             }
         }
     }
 
-    fn reply(&self, rid: u64, seq: Option<u64>, outcome: Result<Answer, Refusal>) -> Vec<Frame> {
+    fn reply(
+        &self,
+        ticket: Ticket,
+        sid: Option<u128>,
+        outcome: Result<Answer, Refusal>,
+    ) -> Vec<Frame> {
+        let session = sid.and_then(|sid| self.sessions.get(&sid)).and_then(|s| s.session.as_ref());
+        let seq = session.map(|session| session.window.last());
         let epoch = self.shared.epoch.clone();
+        let Ticket { rid, delimited } = ticket;
         let mut header = ReplyHeader { v: VERSION, rid, seq, epoch, ..ReplyHeader::default() };
         let mut frames = Vec::new();
         match outcome {
@@ -322,7 +399,10 @@ impl Server {
                 header.p = refusal.details;
             }
         }
-        let mut reply = Vec::with_capacity(1 + frames.len());
+        let mut reply = Vec::with_capacity(2 + frames.len());
+        if delimited {
+            reply.push(Frame::from([]));
+        }
         reply.push(Frame::from(wire::encode(&header)));
         reply.append(&mut frames);
         reply
@@ -353,83 +433,29 @@ pub fn refuse<F: AsRef<[u8]>>(shared: &Shared, frames: &[F], refusal: Refusal) -
     reply
 }
 
-/// Which of `shards` a request belongs to: its session's, else one chosen by the nonce of `make`.
-pub fn shard_of<F: AsRef<[u8]>>(frames: &[F], shards: u8, header_bytes: usize) -> u8 {
-    let delimited = frames.first().is_some_and(|f| f.as_ref().is_empty());
-    let head = frames.get(usize::from(delimited)).map(AsRef::as_ref).unwrap_or_default();
-    let Ok(header) = wire::decode_request(head, header_bytes) else { return 0 };
-    let nonce = header.p.get("nonce").and_then(Value::as_str);
-    let id = header.sid.as_deref().or(nonce).and_then(parse_id);
-    id.map_or(0, |id| (id >> 120) as u8 % shards)
-}
-
-/// Carries out a numbered call, or answers it from memory.
-fn change<F: AsRef<[u8]>>(
-    session: &mut Session,
-    metrics: &Metrics,
-    header: &RequestHeader,
-    arrays: Arrays,
-    frames: &[F],
-) -> Result<Answer, Refusal> {
-    let seq = header.seq.ok_or_else(|| {
-        Refusal::new(Code::BadRequest, format!("'{}' needs a sequence number 'seq'", header.op))
-    })?;
-    let digest = digest(header, frames);
-    let last = session.window.last();
-    match session.window.judge(seq, digest) {
-        Verdict::Run => {}
-        Verdict::Cached(answer) => {
-            metrics.replayed.fetch_add(1, Relaxed);
-            return Ok(answer.clone());
-        }
-        Verdict::Stale => {
-            let text = format!("seq {seq} is older than the replies kept; the last was {last}");
-            return Err(Refusal::new(Code::StaleSeq, text));
-        }
-        Verdict::Gap => {
-            let text = format!("seq {seq} is ahead; the next is {}", last + 1);
-            return Err(Refusal::new(Code::SeqGap, text));
-        }
-        Verdict::Conflict => {
-            let text = format!("seq {seq} was used for a call with other content");
-            return Err(Refusal::new(Code::SeqConflict, text));
-        }
-    }
-    let answer = match header.op.as_str() {
-        "reset" => session.reset(&header.p, &arrays)?,
-        "set_state" => session.set_state(&header.p, &arrays)?,
-        _ => {
-            let start = Instant::now();
-            let answer = session.step(&arrays)?;
-            metrics.step(session.env().num_envs(), start.elapsed());
-            answer
-        }
-    };
-    session.window.record(digest, answer.clone());
-    Ok(answer)
-}
-
-/// Checksum of what a call asks for, whatever number it carries.
-fn digest<F: AsRef<[u8]>>(header: &RequestHeader, frames: &[F]) -> u32 {
+/// Digest of what a call asks for, whatever number it carries.
+fn digest(key: &[u8; 32], header: &RequestHeader, frames: &[Vec<u8>]) -> Digest {
     let content = serde_json::to_vec(&(&header.op, &header.p, &header.arr))
         .expect("a header was made of JSON values");
-    let mut hasher = crc32fast::Hasher::new();
-    hasher.update(&content);
-    for frame in frames {
-        hasher.update(frame.as_ref());
+    let mut hasher = blake3::Hasher::new_keyed(key);
+    // Lengths go in too: the same bytes cut at other places are other content.
+    for part in std::iter::once(&content).chain(frames) {
+        hasher.update(&(part.len() as u64).to_le_bytes());
+        hasher.update(part);
     }
-    hasher.finalize()
+    *hasher.finalize().as_bytes()
 }
 
-fn greeting(sid: u128, window: usize, env: &dyn VectorEnv) -> Answer {
-    Answer::of(json!({
-        "sid": format!("{sid:032x}"),
-        "window": window,
-        "num_envs": env.num_envs(),
-        "autoreset_mode": env.autoreset_mode(),
-        "max_episode_steps": env.max_episode_steps(),
-        "spec": env.spec(),
-    }))
+/// Puts a value where its name leads: `geometry.widths` is the key `widths` of the map `geometry`. `None`:
+/// another value is there.
+fn insert(map: &mut Map<String, Value>, name: &str, value: Value) -> Option<()> {
+    match name.split_once('.') {
+        Some((outer, inner)) => {
+            let below = map.entry(outer).or_insert_with(|| json!({}));
+            insert(below.as_object_mut()?, inner, value)
+        }
+        None => map.insert(name.into(), value).is_none().then_some(()),
+    }
 }
 
 fn info(session: &Session) -> Answer {

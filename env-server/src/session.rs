@@ -1,6 +1,8 @@
 //! One session: a batch of environments, its owner, and the replies it still remembers.
 
 use crate::error::{Code, Refusal};
+use crate::memory::Charge;
+use crate::shared::Place;
 use crate::window::Window;
 use crate::wire::{self, ArrayHeader, Arrays, Frame};
 use rodgym_core::env::{AutoresetMode, ResetOptions, Seeds, StepBuffer, VectorEnv};
@@ -56,12 +58,8 @@ impl Answer {
     }
 }
 
-/// A batch of environments owned by one user.
+/// A batch of environments with the replies that it remembers.
 pub struct Session {
-    /// Who made it; nobody else can see it.
-    pub owner: String,
-    /// What `make` was called with: nonce and checksum of its content.
-    pub made_by: (u128, u32),
     /// The reply of `make`, for a client that asks again.
     pub greeting: Answer,
     /// Numbers and replies of the last changing calls.
@@ -70,30 +68,41 @@ pub struct Session {
     pub used: Duration,
     /// Steps of the batch since it was made.
     pub steps: u64,
+    /// How long its next step may take: as the last one, a guess before the first.
+    pub expected: Duration,
+    /// Its place and memory, given back with it.
+    pub reserved: Option<(Place, Charge)>,
     env: Box<dyn VectorEnv>,
     buffer: StepBuffer,
 }
 
 impl Session {
     /// A session around a new batch.
-    pub fn new(
-        env: Box<dyn VectorEnv>,
-        owner: &str,
-        made_by: (u128, u32),
-        window: usize,
-        now: Duration,
-    ) -> Self {
+    pub fn new(env: Box<dyn VectorEnv>, window: usize, now: Duration) -> Self {
         let buffer = StepBuffer::new(env.spec(), env.num_envs());
         Session {
-            owner: owner.into(),
-            made_by,
             greeting: Answer::default(),
             window: Window::new(window),
             used: now,
             steps: 0,
+            expected: Duration::ZERO,
+            reserved: None,
             env,
             buffer,
         }
+    }
+
+    /// Writes the reply of `make`.
+    pub fn greet(&mut self, sid: u128, window: usize) {
+        let env = &self.env;
+        self.greeting = Answer::of(json!({
+            "sid": format!("{sid:032x}"),
+            "window": window,
+            "num_envs": env.num_envs(),
+            "autoreset_mode": env.autoreset_mode(),
+            "max_episode_steps": env.max_episode_steps(),
+            "spec": env.spec(),
+        }));
     }
 
     /// The batch.
@@ -126,8 +135,9 @@ impl Session {
         let mask: Option<Vec<bool>> =
             arrays.get("mask", "|b1", &[n])?.map(|m| m.iter().map(|b| *b != 0).collect());
         let mut options: ResetOptions = field(p, "options")?;
-        if let Some(state) = state_from_arrays(arrays)? {
-            options.state = Some(state);
+        let state = lists_from_arrays(arrays, "state:")?;
+        if !state.is_empty() {
+            options.state = Some(Value::Object(state));
         }
         self.clear();
         self.env.reset(&seeds, mask.as_deref(), &options, self.buffer.data())?;
@@ -299,14 +309,6 @@ impl Session {
         Ok(answer)
     }
 
-    /// Bytes of the largest reply of a step.
-    pub fn largest_reply(env: &dyn VectorEnv) -> usize {
-        let spec = env.spec();
-        let terms = spec.reward_terms.len() + spec.metrics.len();
-        let row = 8 * spec.observation.size() + 8 * (1 + terms + spec.parameters.len()) + 1;
-        row.saturating_mul(env.num_envs())
-    }
-
     fn clear(&mut self) {
         let b = &mut self.buffer;
         // What a step does not write reads as zero, as in a fresh buffer.
@@ -386,27 +388,33 @@ fn push_rows<T: wire::Element>(
     }
 }
 
-/// An exact start from arrays such as `state:positions`: long rods do not fit into a header.
-fn state_from_arrays(arrays: &Arrays) -> Result<Option<Value>, Refusal> {
-    let mut state = Map::new();
-    for (name, dtype, shape, bytes) in arrays.with_prefix("state:") {
+/// Lists of numbers that came as arrays, such as `state:positions`: long ones do not fit into a header.
+///
+/// # Errors
+/// Other elements than <f8, more than two dimensions, a number that JSON does not have.
+pub fn lists_from_arrays(arrays: &Arrays, prefix: &str) -> Result<Map<String, Value>, Refusal> {
+    let mut lists = Map::new();
+    for (name, dtype, shape, bytes) in arrays.with_prefix(prefix) {
         let numbers = match dtype {
             "<f8" => wire::read::<f64>(bytes),
             other => {
-                return Err(bad(format!("array 'state:{name}' is {other}, but <f8 is needed")));
+                return Err(bad(format!("array '{prefix}{name}' is {other}, but <f8 is needed")));
             }
         };
+        if let Some(odd) = numbers.iter().find(|number| !number.is_finite()) {
+            return Err(bad(format!("array '{prefix}{name}' holds {odd}: numbers must be finite")));
+        }
         let value = match shape {
             [_] => json!(numbers),
             [_, columns] if *columns > 0 => {
                 let rows = numbers.chunks_exact(*columns as usize);
                 Value::Array(rows.map(|row| json!(row)).collect())
             }
-            other => return Err(bad(format!("array 'state:{name}' has shape {other:?}"))),
+            other => return Err(bad(format!("array '{prefix}{name}' has shape {other:?}"))),
         };
-        state.insert(name.into(), value);
+        lists.insert(name.into(), value);
     }
-    Ok((!state.is_empty()).then_some(Value::Object(state)))
+    Ok(lists)
 }
 
 /// Reads a parameter of an operation; an absent one has its type's default.

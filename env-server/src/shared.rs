@@ -1,13 +1,14 @@
-//! What the shards of a server share: limits, counters, and places for sessions.
+//! What all threads of a server share: limits, counters, and places for sessions.
 
 use crate::error::{Code, Refusal};
 use crate::limits::{Limits, UserLimits};
+use crate::memory::Ledger;
 use crate::metrics::Metrics;
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::sync::{Mutex, RwLock};
+use std::sync::{Arc, Mutex, RwLock};
 
-/// What all shards of a server have in common.
+/// What all threads of a server have in common.
 pub struct Shared {
     /// What is granted.
     pub limits: Limits,
@@ -15,18 +16,40 @@ pub struct Shared {
     pub epoch: String,
     /// Counters.
     pub metrics: Metrics,
+    /// Memory promised.
+    pub ledger: Arc<Ledger>,
     /// Limits of single users.
     pub users: RwLock<HashMap<String, UserLimits>>,
     /// Set while the server is going down: no new sessions.
     pub draining: AtomicBool,
     /// Sessions by user.
-    quota: Mutex<HashMap<String, usize>>,
+    quota: Mutex<HashMap<Arc<str>, usize>>,
+}
+
+/// A place for a session; given back when dropped.
+pub struct Place {
+    shared: Arc<Shared>,
+    user: Arc<str>,
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        let mut quota = self.shared.quota.lock().expect("no panic while held");
+        if let Some(mine) = quota.get_mut(&self.user) {
+            *mine -= 1;
+            if *mine == 0 {
+                quota.remove(&self.user);
+            }
+        }
+        self.shared.metrics.sessions.store(quota.values().sum::<usize>() as u64, Relaxed);
+    }
 }
 
 impl Shared {
     /// A new server's common part.
     pub fn new(limits: Limits, epoch: impl Into<String>) -> Self {
         Shared {
+            ledger: Ledger::new(limits.memory_bytes, limits.memory_per_user_bytes),
             limits,
             epoch: epoch.into(),
             metrics: Metrics::default(),
@@ -42,7 +65,7 @@ impl Shared {
     }
 
     /// Takes a place for a session of `user`.
-    pub(crate) fn admit(&self, user: &str) -> Result<(), Refusal> {
+    pub(crate) fn admit(self: &Arc<Self>, user: &Arc<str>) -> Result<Place, Refusal> {
         let most = self.user_limits(user).sessions.unwrap_or(self.limits.sessions_per_user);
         let mut quota = self.quota.lock().expect("no panic while held");
         let all: usize = quota.values().sum();
@@ -50,26 +73,14 @@ impl Shared {
             let text = format!("all {} sessions of this server are taken", self.limits.sessions);
             return Err(Refusal::later(Code::Busy, text, 1000));
         }
-        let mine = quota.entry(user.into()).or_default();
-        if *mine >= most {
+        let mine = quota.get(user).copied().unwrap_or(0);
+        if mine >= most {
             let text = format!("user '{user}' has {mine} sessions already; {most} are allowed");
             return Err(Refusal::later(Code::Limit, text, 1000));
         }
-        *mine += 1;
+        quota.insert(user.clone(), mine + 1);
         self.metrics.sessions.store(all as u64 + 1, Relaxed);
-        Ok(())
-    }
-
-    /// Gives a place back.
-    pub(crate) fn release(&self, user: &str) {
-        let mut quota = self.quota.lock().expect("no panic while held");
-        if let Some(mine) = quota.get_mut(user) {
-            *mine -= 1;
-            if *mine == 0 {
-                quota.remove(user);
-            }
-        }
-        self.metrics.sessions.store(quota.values().sum::<usize>() as u64, Relaxed);
+        Ok(Place { shared: self.clone(), user: user.clone() })
     }
 
     /// Sessions of `user` now.

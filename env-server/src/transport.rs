@@ -1,6 +1,7 @@
 //! What the server needs from a network, so that another transport can take ZeroMQ's place and tests
 //! need none.
 
+use crate::memory::Charge;
 use crate::wire::Frame;
 use std::io;
 use std::time::Duration;
@@ -28,8 +29,8 @@ pub trait Transport {
     fn receive(&mut self, timeout: Duration) -> io::Result<Option<Request>>;
 
     /// Sends a reply without ever waiting for the peer; `false` if it could not be delivered: the
-    /// peer is gone or does not read. It may ask again.
-    fn send(&mut self, peer: &[u8], reply: &[Frame]) -> bool;
+    /// peer is gone or does not read. It may ask again. The charge lasts until the reply is out.
+    fn send(&mut self, peer: &[u8], reply: Vec<Frame>, charge: Charge) -> bool;
 
     /// Makes a waker for another thread.
     ///

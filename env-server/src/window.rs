@@ -5,6 +5,9 @@
 
 use std::collections::VecDeque;
 
+/// Keyed hash of a call's content: who does not know the server's key finds no second content with it.
+pub type Digest = [u8; 32];
+
 /// What to do with a call.
 #[derive(Debug, PartialEq)]
 pub enum Verdict<'a, R> {
@@ -25,7 +28,7 @@ pub enum Verdict<'a, R> {
 pub struct Window<R> {
     last: u64,
     size: usize,
-    done: VecDeque<(u32, R)>,
+    done: VecDeque<(Digest, R)>,
 }
 
 impl<R> Window<R> {
@@ -39,8 +42,8 @@ impl<R> Window<R> {
         self.last
     }
 
-    /// Judges the call numbered `seq` whose content has this checksum.
-    pub fn judge(&self, seq: u64, digest: u32) -> Verdict<'_, R> {
+    /// Judges the call numbered `seq` whose content has this digest.
+    pub fn judge(&self, seq: u64, digest: Digest) -> Verdict<'_, R> {
         if seq > self.last {
             return if seq - self.last == 1 { Verdict::Run } else { Verdict::Gap };
         }
@@ -56,7 +59,7 @@ impl<R> Window<R> {
 
     /// Remembers that the next call has been carried out. Refused calls are not recorded, so their
     /// number can be used again.
-    pub fn record(&mut self, digest: u32, reply: R) {
+    pub fn record(&mut self, digest: Digest, reply: R) {
         if self.done.len() == self.size {
             self.done.pop_front();
         }

@@ -4,6 +4,8 @@
 //! limited, alignment is never assumed. docs/protocol.md is the description for other languages.
 
 use crate::error::{Code, Refusal};
+use crate::json::Json;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 use std::sync::Arc;
@@ -138,16 +140,16 @@ fn foreign_version(v: u64) -> Refusal {
     refusal
 }
 
-fn decode_map<'a, T: Deserialize<'a>>(bytes: &'a [u8]) -> Result<T, String> {
+fn decode_map<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, String> {
     // The first byte of every msgpack map; a struct could be read from an array too.
     if !matches!(bytes.first(), Some(0x80..=0x8f | 0xde | 0xdf)) {
         return Err("the first byte does not begin a map".into());
     }
     let mut reader = rmp_serde::Deserializer::new(bytes);
     reader.set_max_depth(MAX_DEPTH);
-    let value = T::deserialize(&mut reader).map_err(|e| e.to_string())?;
+    let Json(value) = Json::deserialize(&mut reader).map_err(|e| e.to_string())?;
     match reader.get_ref().len() {
-        0 => Ok(value),
+        0 => serde_json::from_value(value).map_err(|e| e.to_string()),
         rest => Err(format!("{rest} bytes follow the map")),
     }
 }

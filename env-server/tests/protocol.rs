@@ -279,20 +279,122 @@ fn a_draining_server_sends_new_sessions_elsewhere_and_finishes_old_ones() {
     assert_eq!(desk.step(&sid, 1, &[0.5]).code(), "ok");
 }
 
-#[test]
-fn a_session_number_tells_its_shard() {
-    use rodgym_server::server::shard_of;
-    for shards in [1u8, 3, 4, 7] {
-        for shard in 0..shards {
-            let mut desk = desk();
-            desk.server = desk.server.shard(shard, shards);
-            for _ in 0..20 {
-                let sid = desk.make(1, "NextStep");
-                let frames = desk.request("step", Some(&sid), Some(1), json!({}), &[]);
-                assert_eq!(shard_of(&frames, shards, 4096), shard);
+/// Eight bytes whose last four make their CRC-32 this one: a checksum is linear in each bit.
+fn forge(first: f32, crc: u32) -> [u8; 8] {
+    let mut bytes = [0; 8];
+    bytes[..4].copy_from_slice(&first.to_le_bytes());
+    let sum = |last: u32| {
+        let mut bytes = bytes;
+        bytes[4..].copy_from_slice(&last.to_le_bytes());
+        crc32fast::hash(&bytes)
+    };
+    // Gauss elimination over bits: what each bit of the last four bytes does to the checksum.
+    let mut rows: Vec<(u32, u32)> = (0..32).map(|i| (sum(1 << i) ^ sum(0), 1 << i)).collect();
+    let (mut left, mut last) = (crc ^ sum(0), 0);
+    for bit in (0..32).map(|i| 1u32 << i) {
+        let Some(at) = rows.iter().position(|row| row.0 & bit != 0) else { continue };
+        let pivot = rows.swap_remove(at);
+        for row in &mut rows {
+            if row.0 & bit != 0 {
+                *row = (row.0 ^ pivot.0, row.1 ^ pivot.1);
             }
         }
+        if left & bit != 0 {
+            (left, last) = (left ^ pivot.0, last ^ pivot.1);
+        }
     }
+    bytes[4..].copy_from_slice(&last.to_le_bytes());
+    bytes
+}
+
+#[test]
+fn another_call_with_the_same_checksum_is_a_conflict_and_no_old_reply() {
+    let mut desk = desk();
+    let sid = desk.make(2, "NextStep");
+    assert_eq!(desk.step(&sid, 1, &[0.5, 0.25]).code(), "ok");
+    let sent: Vec<u8> = [0.5f32, 0.25].iter().flat_map(|a| a.to_le_bytes()).collect();
+    let bytes = (1..100)
+        .map(|i| forge(i as f32 * 0.01, crc32fast::hash(&sent)))
+        .find(|b| f32::from_le_bytes([b[4], b[5], b[6], b[7]]).is_finite())
+        .expect("most bit patterns are finite numbers");
+    assert_eq!(crc32fast::hash(&bytes), crc32fast::hash(&sent));
+    let action = wire::read::<f32>(&bytes);
+    assert_ne!(action, [0.5, 0.25]);
+    assert_eq!(desk.step(&sid, 1, &action).code(), "seq_conflict");
+    assert_eq!(desk.step(&sid, 1, &[0.5, 0.25]).code(), "ok");
+}
+
+#[test]
+fn content_cut_at_another_place_is_other_content() {
+    let mut desk = desk();
+    let sid = desk.make(1, "NextStep");
+    let state = desk.server.handle(
+        desk.now,
+        "ada",
+        &desk.request("get_state", Some(&sid), None, json!({}), &[]),
+    );
+    let state = Reply::read(&state).array::<u8>("data");
+    let (sizes, data) = (wire::array("sizes", &[1], &[9u32]), wire::array("data", &[9], &state));
+    let good = desk.request("set_state", Some(&sid), Some(1), json!({}), &[sizes, data]);
+    assert_eq!(desk.send(&good).code(), "ok");
+    // The same bytes in other frames, and the descriptions that fit them.
+    let mut other = desk.request(
+        "set_state",
+        Some(&sid),
+        Some(1),
+        json!({}),
+        &[wire::array("sizes", &[13], &[0u8; 13]), wire::array("data", &[0], &[0u8; 0])],
+    );
+    other[1] = [&good[1][..], &good[2]].concat();
+    assert_eq!(desk.send(&other).code(), "seq_conflict");
+}
+
+#[test]
+fn a_header_that_json_could_not_say_is_refused() {
+    let mut desk = desk();
+    // {"v": 1, "op": "make", "rid": 9, "p": {"x": ...}} with what no JSON has in the place of the dots.
+    let with =
+        |value: &[u8]| [b"\x84\xa1v\x01\xa2op\xa4ping\xa3rid\x09\xa1p\x81\xa1x", value].concat();
+    assert_eq!(desk.send(&[with(b"\xcb\x3f\xf0\0\0\0\0\0\0")]).code(), "ok");
+    for value in [
+        &b"\xcb\x7f\xf8\0\0\0\0\0\0"[..],
+        b"\xcb\x7f\xf0\0\0\0\0\0\0",
+        b"\xca\xff\x80\0\0",
+        b"\x81\xa1y\xca\x7f\xc0\0\0",
+        b"\xc4\x01a",
+        b"\xd4\x01\0",
+        b"\x81\x01\x01",
+    ] {
+        let reply = desk.send(&[with(value)]);
+        assert_eq!((reply.code(), reply.header.rid), ("bad_header", 0), "{value:?}");
+    }
+    // Keys that are the fields' numbers, and an operation in binary.
+    assert_eq!(desk.send(&[b"\x83\x00\x01\x01\xa4ping\x02\x09".to_vec()]).code(), "bad_header");
+    assert_eq!(desk.send(&[b"\x82\xa1v\x01\xa2op\xc4\x04ping".to_vec()]).code(), "bad_header");
+    // Numbers of the wrong kind.
+    assert_eq!(
+        desk.send(&[b"\x83\xa1v\x01\xa2op\xa4ping\xa3rid\xff".to_vec()]).code(),
+        "bad_header"
+    );
+}
+
+#[test]
+fn keywords_may_come_as_arrays() {
+    let mut desk = desk();
+    let p = json!({"id": "test/Counter-v0", "nonce": "0".repeat(32)});
+    let long = wire::array("kwargs:profile", &[300], &[0.5f64; 300]);
+    // These environments have no such keyword: that they say so shows that it arrived.
+    let reply = desk.send(&desk.request("make", None, None, p.clone(), &[long]));
+    assert_eq!(reply.p("kind"), "unknown_parameter");
+    assert!(reply.header.err.expect("refused").msg.contains("profile"));
+    // A dot leads into a map.
+    let both =
+        [wire::array("kwargs:shape.x", &[1], &[1.0]), wire::array("kwargs:shape", &[1], &[1.0])];
+    let reply = desk.send(&desk.request("make", None, None, p.clone(), &both));
+    assert_eq!(reply.code(), "bad_request");
+    let odd = wire::array("kwargs:profile", &[2], &[0.5, f64::NAN]);
+    let reply = desk.send(&desk.request("make", None, None, p, &[odd]));
+    assert_eq!(reply.code(), "bad_request");
 }
 
 #[test]

@@ -6,6 +6,7 @@ mod common;
 use common::{Counters, Desk, Reply};
 use rodgym_server::limits::Limits;
 use rodgym_server::live::Live;
+use rodgym_server::memory::Charge;
 use rodgym_server::run::{Setup, run};
 use rodgym_server::server::Server;
 use rodgym_server::shared::Shared;
@@ -29,8 +30,8 @@ impl Transport for Memory {
     fn receive(&mut self, timeout: Duration) -> io::Result<Option<Request>> {
         Ok(self.incoming.recv_timeout(timeout).unwrap_or(None))
     }
-    fn send(&mut self, peer: &[u8], reply: &[Frame]) -> bool {
-        peer != b"gone" && self.outgoing.send((peer.to_vec(), reply.to_vec())).is_ok()
+    fn send(&mut self, peer: &[u8], reply: Vec<Frame>, _: Charge) -> bool {
+        peer != b"gone" && self.outgoing.send((peer.to_vec(), reply)).is_ok()
     }
     fn waker(&mut self) -> io::Result<Waker> {
         let wake = self.wake.clone();
@@ -49,7 +50,8 @@ struct Running {
     thread: std::thread::JoinHandle<io::Result<()>>,
 }
 
-fn start(shards: u8, limits: Limits, allowed: fn(&str) -> bool) -> Running {
+/// `workers` threads compute what takes longer than `long`.
+fn start(workers: usize, long: Duration, limits: Limits, allowed: fn(&str) -> bool) -> Running {
     let (requests, incoming) = channel();
     let (outgoing, replies) = channel();
     let stop = Arc::new(AtomicBool::new(false));
@@ -57,18 +59,17 @@ fn start(shards: u8, limits: Limits, allowed: fn(&str) -> bool) -> Running {
     let mut memory = Memory { incoming, wake: requests.clone(), outgoing };
     let (stopping, common) = (stop.clone(), shared.clone());
     let serve = move || {
-        let server = |shard| {
-            let mut next = u128::from(shard) + 1;
-            let ids = move || {
-                next = next.wrapping_mul(0x9e37_79b9_7f4a_7c15_f39c_c060_5ced_c835);
-                next
-            };
-            let made = Server::new(common.clone(), Box::new(ids)).shard(shard, shards);
-            made.factory(Box::new(Counters::boxed))
+        let mut next = 1u128;
+        let ids = move || {
+            next = next.wrapping_mul(0x9e37_79b9_7f4a_7c15_f39c_c060_5ced_c835);
+            next
         };
+        let server = Server::new(common.clone(), Box::new(ids));
         let setup = Setup {
-            shared: common.clone(),
-            shards: (0..shards).map(server).collect(),
+            shared: common,
+            server: server.factory(Arc::new(Counters::boxed)),
+            workers,
+            long,
             allowed: Arc::new(allowed),
             live: Arc::new(Live::default()),
             stop: Box::new(move || stopping.load(SeqCst)),
@@ -77,6 +78,9 @@ fn start(shards: u8, limits: Limits, allowed: fn(&str) -> bool) -> Running {
     };
     Running { requests, replies, stop, shared, thread: std::thread::spawn(serve) }
 }
+
+/// Everything at once in the loop's thread, or everything on threads.
+const HOW: [(usize, Duration); 3] = [(1, Duration::MAX), (1, Duration::ZERO), (3, Duration::ZERO)];
 
 impl Running {
     fn send(&self, peer: &[u8], user: Option<&str>, frames: Vec<Vec<u8>>) {
@@ -114,9 +118,9 @@ fn step(desk: &Desk, sid: &str, seq: u64) -> Vec<Vec<u8>> {
 #[test]
 fn any_number_of_threads_gives_the_same_replies() {
     let desk = Desk::new(Limits::default());
-    for shards in [1, 2, 5] {
-        let server = start(shards, Limits::default(), |_| true);
-        // Sessions on all shards, their steps interleaved.
+    for (workers, long) in HOW {
+        let server = start(workers, long, Limits::default(), |_| true);
+        // Steps of many sessions, interleaved.
         let sids: Vec<String> = (0..20)
             .map(|i| server.ask(make(&desk, i * 11)).p("sid").as_str().expect("text").into())
             .collect();
@@ -133,8 +137,8 @@ fn any_number_of_threads_gives_the_same_replies() {
 #[test]
 fn what_arrived_is_answered_before_the_end() {
     let desk = Desk::new(Limits::default());
-    for shards in [1, 3] {
-        let server = start(shards, Limits::default(), |_| true);
+    for (workers, long) in HOW {
+        let server = start(workers, long, Limits::default(), |_| true);
         let sid: String = server.ask(make(&desk, 7)).p("sid").as_str().expect("text").into();
         server.stop.store(true, SeqCst);
         for seq in 1..=200 {
@@ -152,7 +156,7 @@ fn what_arrived_is_answered_before_the_end() {
 #[test]
 fn a_removed_user_is_refused_and_its_sessions_go() {
     let desk = Desk::new(Limits::default());
-    let server = start(2, Limits::default(), |user| user != "ada");
+    let server = start(2, Duration::ZERO, Limits::default(), |user| user != "ada");
     server.ask(make(&desk, 1));
     let end = Instant::now() + Duration::from_secs(5);
     while server.shared.metrics.revoked.load(SeqCst) == 0 {
@@ -167,7 +171,7 @@ fn a_removed_user_is_refused_and_its_sessions_go() {
 #[test]
 fn a_peer_that_is_gone_is_counted_and_others_are_served() {
     let desk = Desk::new(Limits::default());
-    let server = start(1, Limits::default(), |_| true);
+    let server = start(1, Duration::MAX, Limits::default(), |_| true);
     server.send(b"gone", Some("ada"), desk.request("ping", None, None, json!({}), &[]));
     assert_eq!(server.ask(desk.request("ping", None, None, json!({}), &[])).code(), "ok");
     assert_eq!(server.shared.metrics.undelivered.load(SeqCst), 1);

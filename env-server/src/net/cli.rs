@@ -10,6 +10,9 @@ use tracing::Level;
 /// What `--help` shows; a build of the Python extension without server shows it too.
 const HELP: &str = include_str!("help.txt");
 
+/// Less does not hold one message of the default size beside anything else.
+const LEAST_MEMORY: u64 = 64 << 20;
+
 enum Command {
     Serve(Box<Config>, Logs),
     Keygen(PathBuf),
@@ -40,12 +43,16 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Serve(config, logs) => {
             start_logs(&logs);
             serve(&config, |endpoint, http| {
-                // Others wait for this line to learn the port.
-                println!("rodgym-server listens at {endpoint}");
+                // Others wait for the first line to learn the port, and may then close their end.
+                let mut text = format!("rodgym-server listens at {endpoint}\n");
                 if let Some(http) = http {
-                    println!("metrics at http://{http}/metrics");
+                    text += &format!("metrics at http://{http}/metrics\n");
+                    if config.live {
+                        text += &format!("live page at http://{http}/live\n");
+                    }
                 }
-                let _ = std::io::stdout().flush();
+                let mut out = std::io::stdout();
+                let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
             })
         }
     });
@@ -88,6 +95,7 @@ fn parse(arguments: impl IntoIterator<Item = OsString>) -> Result<Command, lexop
                 let mebibytes: u32 = parser.value()?.parse()?;
                 config.limits.set("message_bytes", u64::from(mebibytes) << 20)?;
             }
+            Long("memory") => config.memory = Some(bytes(&parser.value()?.string()?)?),
             Long("idle-seconds") => config.limits.set("idle_seconds", parser.value()?.parse()?)?,
             Long("limit") => {
                 let text = parser.value()?.string()?;
@@ -108,6 +116,23 @@ fn parse(arguments: impl IntoIterator<Item = OsString>) -> Result<Command, lexop
         }
     }
     Ok(Command::Serve(Box::new(config), logs))
+}
+
+/// A number of bytes such as `512M` or `4G`.
+fn bytes(text: &str) -> Result<u64, String> {
+    let (number, unit) = match text.char_indices().last() {
+        Some((at, 'K' | 'k')) => (&text[..at], 1 << 10),
+        Some((at, 'M' | 'm')) => (&text[..at], 1 << 20),
+        Some((at, 'G' | 'g')) => (&text[..at], 1 << 30),
+        _ => (text, 1u64),
+    };
+    let bytes = number.parse::<u64>().ok().and_then(|n| n.checked_mul(unit));
+    match bytes {
+        Some(bytes) if bytes >= LEAST_MEMORY => Ok(bytes),
+        _ => Err(format!(
+            "--memory {text}: it must be a number of bytes such as 512M or 4G, at least 64M"
+        )),
+    }
 }
 
 /// Logs go to stderr; a second server in one process keeps the first one's.

@@ -5,16 +5,21 @@ use crate::live::Live;
 use crate::metrics::Steps;
 use crate::shared::Shared;
 use serde_json::{Map, Value, json};
-use std::io::{BufRead, BufReader, Read, Write};
+use std::collections::VecDeque;
+use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering::Relaxed};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-/// Connections at a time.
-const CONNECTIONS: usize = 16;
+/// Requests at a time; beyond that the one that has taken longest is given up for the new one.
+const REQUESTS: usize = 64;
+/// Pages that watch at a time.
+const PAGES: usize = 16;
 /// Longest request head \[bytes\].
-const HEAD: u64 = 8192;
+const HEAD: usize = 8192;
+/// Longest time that a request may take, but for a page that watches.
+const PATIENCE: Duration = Duration::from_secs(2);
 const PAGE: &str = include_str!("live.html");
 
 /// What the port shows.
@@ -38,21 +43,18 @@ impl Http {
         }
         let listener = TcpListener::bind(address).map_err(|e| format!("--http {address}: {e}"))?;
         let bound = listener.local_addr().map_err(|e| e.to_string())?;
-        let (http, open) = (Arc::new(self), Arc::new(AtomicUsize::new(0)));
+        let (http, open) = (Arc::new(self), Arc::new(Open::default()));
         let accept = move || {
             for stream in listener.incoming().flatten() {
-                if open.fetch_add(1, Relaxed) >= CONNECTIONS {
-                    open.fetch_sub(1, Relaxed);
-                    continue;
-                }
-                let (http, guard) = (http.clone(), open.clone());
+                let Some(number) = open.enter(&stream) else { continue };
+                let (http, leaving) = (http.clone(), open.clone());
                 let answer = move || {
                     // The peer went away: nobody is left to be told.
-                    let _ = http.answer(stream);
-                    guard.fetch_sub(1, Relaxed);
+                    let _ = http.answer(stream, &leaving, number);
+                    leaving.leave(number);
                 };
                 if std::thread::Builder::new().name("http".into()).spawn(answer).is_err() {
-                    open.fetch_sub(1, Relaxed);
+                    open.leave(number);
                 }
             }
         };
@@ -60,25 +62,23 @@ impl Http {
         thread.map(|_| bound).map_err(|e| e.to_string())
     }
 
-    fn answer(&self, mut stream: TcpStream) -> std::io::Result<()> {
-        stream.set_read_timeout(Some(Duration::from_secs(2)))?;
-        stream.set_write_timeout(Some(Duration::from_secs(2)))?;
-        let mut reader = BufReader::new(stream.try_clone()?.take(HEAD));
-        let mut first = String::new();
-        reader.read_line(&mut first)?;
-        let mut local = true;
-        loop {
-            let mut line = String::new();
-            if reader.read_line(&mut line)? == 0 || line.trim().is_empty() {
-                break;
-            }
-            // A page of another site must not read this one under a name of its own.
-            if let Some((name, value)) = line.split_once(':')
-                && name.eq_ignore_ascii_case("host")
-            {
-                local = is_local(value.trim());
-            }
-        }
+    fn answer(&self, mut stream: TcpStream, open: &Open, number: u64) -> std::io::Result<()> {
+        stream.set_write_timeout(Some(PATIENCE))?;
+        let Some(text) = read_head(&mut stream)? else {
+            let status = "431 Request Header Fields Too Large";
+            reply(&mut stream, status, "text/plain", "the head is too long\n")?;
+            // What is unread at the close would take the answer with it.
+            stream.shutdown(std::net::Shutdown::Write)?;
+            return std::io::copy(&mut stream.take(64 << 10), &mut std::io::sink()).map(|_| ());
+        };
+        let mut lines = text.lines();
+        let first = lines.next().unwrap_or("");
+        // A page of another site must not read this one under a name of its own.
+        let hosts = lines.filter_map(|line| {
+            let (name, value) = line.split_once(':')?;
+            name.trim().eq_ignore_ascii_case("host").then_some(value.trim())
+        });
+        let local = hosts.into_iter().all(is_local);
         let mut words = first.split_whitespace();
         let (method, path) = (words.next().unwrap_or(""), words.next().unwrap_or(""));
         if !local {
@@ -108,7 +108,16 @@ impl Http {
             ("/" | "/live", Some(_)) => {
                 reply(&mut stream, "200 OK", "text/html; charset=utf-8", PAGE)
             }
-            ("/events", Some(live)) => self.events(&mut stream, live),
+            ("/events", Some(live)) => {
+                open.leave(number);
+                match open.page() {
+                    Some(_page) => self.events(&mut stream, live),
+                    None => {
+                        let text = "too many pages watch\n";
+                        reply(&mut stream, "503 Service Unavailable", "text/plain", text)
+                    }
+                }
+            }
             _ => reply(&mut stream, "404 Not Found", "text/plain", "not found\n"),
         }
     }
@@ -145,6 +154,74 @@ impl Http {
             std::thread::sleep(Live::INTERVAL);
         }
         Ok(())
+    }
+}
+
+/// The request's head, up to its empty line; `None` if it is too long.
+fn read_head(stream: &mut TcpStream) -> std::io::Result<Option<String>> {
+    let end = Instant::now() + PATIENCE;
+    let mut head = Vec::new();
+    loop {
+        if head.windows(4).any(|w| w == b"\r\n\r\n") || head.windows(2).any(|w| w == b"\n\n") {
+            return Ok(Some(String::from_utf8_lossy(&head).into_owned()));
+        }
+        if head.len() >= HEAD {
+            return Ok(None);
+        }
+        // One time for all of it: a byte now and then does not prolong it.
+        let left = end.saturating_duration_since(Instant::now());
+        if left.is_zero() {
+            return Err(std::io::ErrorKind::TimedOut.into());
+        }
+        stream.set_read_timeout(Some(left))?;
+        let mut part = [0; 1024];
+        match stream.read(&mut part)? {
+            0 => return Err(std::io::ErrorKind::UnexpectedEof.into()),
+            n => head.extend_from_slice(&part[..n]),
+        }
+    }
+}
+
+/// Connections that are served now.
+#[derive(Default)]
+struct Open {
+    requests: Mutex<VecDeque<(u64, TcpStream)>>,
+    last: AtomicU64,
+    pages: AtomicUsize,
+}
+
+impl Open {
+    /// A new request; where there are too many, the oldest is cut off.
+    fn enter(&self, stream: &TcpStream) -> Option<u64> {
+        let handle = stream.try_clone().ok()?;
+        let number = self.last.fetch_add(1, Relaxed);
+        let mut requests = self.requests.lock().expect("no panic while held");
+        if requests.len() >= REQUESTS
+            && let Some((_, oldest)) = requests.pop_front()
+        {
+            let _ = oldest.shutdown(std::net::Shutdown::Both);
+        }
+        requests.push_back((number, handle));
+        Some(number)
+    }
+
+    fn leave(&self, number: u64) {
+        let mut requests = self.requests.lock().expect("no panic while held");
+        requests.retain(|(known, _)| *known != number);
+    }
+
+    /// A place for a page that watches.
+    fn page(&self) -> Option<Page<'_>> {
+        let page = Page(&self.pages);
+        (self.pages.fetch_add(1, Relaxed) < PAGES).then_some(page)
+    }
+}
+
+struct Page<'a>(&'a AtomicUsize);
+
+impl Drop for Page<'_> {
+    fn drop(&mut self) {
+        self.0.fetch_sub(1, Relaxed);
     }
 }
 

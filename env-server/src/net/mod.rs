@@ -1,14 +1,17 @@
 //! The server over ZeroMQ: bind, authenticate, serve, stop.
 
 pub mod cli;
+pub mod guard;
 pub mod http;
 pub mod keys;
+mod rate;
 pub mod router;
 pub mod signals;
 pub mod zap;
 
 use crate::limits::{HIGH_WATER_MARK, Limits};
 use crate::live::Live;
+use crate::memory::half_of_the_machine;
 use crate::run::{Allowed, Setup, run};
 use crate::server::Server;
 use crate::shared::Shared;
@@ -36,8 +39,10 @@ pub struct Config {
     pub insecure_no_auth: bool,
     /// What is granted.
     pub limits: Limits,
-    /// Threads that compute; `None`: the calling one on up to three cores, one a core beyond.
+    /// Threads for long work; `None`: one a core but one, at least two.
     pub workers: Option<u8>,
+    /// Bytes that the whole server may take; `None`: half of what the machine or its cgroup has.
+    pub memory: Option<u64>,
     /// Local port for metrics and health.
     pub http: Option<SocketAddr>,
     /// Show the live page there.
@@ -52,6 +57,7 @@ impl Default for Config {
             insecure_no_auth: false,
             limits: Limits::default(),
             workers: None,
+            memory: None,
             http: None,
             live: false,
         }
@@ -82,8 +88,22 @@ pub fn serve(config: &Config, bound: impl FnOnce(&str, Option<SocketAddr>)) -> R
         return Err("--live needs --http ADDRESS:PORT".into());
     }
     let signals = signals::Signals::take();
-    let shared = Arc::new(Shared::new(config.limits.clone(), random_hex(8)));
+    let mut limits = config.limits.clone();
+    limits.share_memory(config.memory.unwrap_or_else(half_of_the_machine), config.keys.is_some());
+    limits.connections = descriptors(limits.connections);
+    let shared = Arc::new(Shared::new(limits, random_hex(8)));
     let context = zmq::Context::new();
+    if !guard::available(&context) {
+        if !is_local(&config.bind) {
+            return Err(format!(
+                "{} can be reached from other machines, and this libzmq lacks our patches: whoever \
+                 connects could end the server. Build it with env-server/zmq-sys, or serve this \
+                 machine only",
+                config.bind
+            ));
+        }
+        warn!("this libzmq lacks our patches: any program of this machine can end the server");
+    }
     let users = Users::default();
     let security = match &config.keys {
         None => Security::Open,
@@ -110,7 +130,7 @@ pub fn serve(config: &Config, bound: impl FnOnce(&str, Option<SocketAddr>)) -> R
         &context,
         &config.bind,
         &security,
-        &config.limits,
+        &shared.limits,
         identify(users.clone(), with_keys),
     )
     .map_err(|e| format!("{} cannot be bound: {e}", config.bind))?;
@@ -121,10 +141,9 @@ pub fn serve(config: &Config, bound: impl FnOnce(&str, Option<SocketAddr>)) -> R
     let stop = watch(config, users.clone(), shared.clone());
     let allowed: Allowed =
         Arc::new(move |user| !with_keys || users.read().expect("no panic").contains_key(user));
-    let shards = shards(config.workers);
-    let servers =
-        (0..shards).map(|i| Server::new(shared.clone(), Box::new(random_id)).shard(i, shards));
-    let setup = Setup { shared: shared.clone(), shards: servers.collect(), allowed, live, stop };
+    let server = Server::new(shared.clone(), Box::new(random_id));
+    let (workers, long) = threads(config.workers);
+    let setup = Setup { shared: shared.clone(), server, workers, long, allowed, live, stop };
     let outcome = run(&mut router, setup).map_err(|e| e.to_string());
     info!("stopped");
     // The signals come back first: closing may wait for unsent replies (500 ms).
@@ -132,13 +151,47 @@ pub fn serve(config: &Config, bound: impl FnOnce(&str, Option<SocketAddr>)) -> R
     outcome
 }
 
-fn shards(asked: Option<u8>) -> u8 {
-    let cores = std::thread::available_parallelism().map_or(1, |n| n.get().min(64) as u8);
-    match asked {
-        Some(n) => n.clamp(1, 64),
-        None if cores >= 4 => cores - 1,
-        None => 1,
-    }
+/// Threads for long work, and what is long. Where there are cores to spare, it pays to hand over what
+/// takes a few times the handing over; on few cores only what others would notice.
+fn threads(asked: Option<u8>) -> (usize, Duration) {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let workers = asked.map_or((cores - 1).clamp(2, 64), |n| usize::from(n).clamp(1, 64));
+    let long = if cores >= 4 { Duration::from_micros(200) } else { Duration::from_millis(4) };
+    (workers, long)
+}
+
+/// Descriptors that are not for connections: key files, the local port, libzmq's own.
+#[cfg(unix)]
+const RESERVED: u64 = 64;
+
+/// Allows as many descriptors as the system grants, and as many connections as fit beside the others.
+#[cfg(unix)]
+fn descriptors(wanted: usize) -> usize {
+    let mut limit = libc::rlimit { rlim_cur: 0, rlim_max: 0 };
+    // SAFETY: both calls read or write the struct that we pass.
+    let granted = unsafe {
+        if libc::getrlimit(libc::RLIMIT_NOFILE, &raw mut limit) != 0 {
+            return wanted;
+        }
+        let raised = libc::rlimit {
+            rlim_cur: limit.rlim_max.min(wanted as libc::rlim_t + RESERVED as libc::rlim_t),
+            rlim_max: limit.rlim_max,
+        };
+        if raised.rlim_cur > limit.rlim_cur
+            && libc::setrlimit(libc::RLIMIT_NOFILE, &raw const raised) == 0
+        {
+            raised.rlim_cur
+        } else {
+            limit.rlim_cur
+        }
+    };
+    let room = granted.saturating_sub(RESERVED).max(1);
+    wanted.min(usize::try_from(room).unwrap_or(usize::MAX))
+}
+
+#[cfg(not(unix))]
+fn descriptors(wanted: usize) -> usize {
+    wanted
 }
 
 /// What the loop asks between requests: looks at the keys now and then, and at signals.

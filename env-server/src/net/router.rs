@@ -1,15 +1,20 @@
 //! The ZeroMQ front: a ROUTER socket with every limit set, and nothing that waits for a peer.
 
+use super::guard::{self, Bounds};
 use crate::limits::{HIGH_WATER_MARK, Limits};
+use crate::memory::Charge;
 use crate::transport::{Request, Transport, Waker};
 use crate::wire::Frame;
 use std::ffi::{c_int, c_void};
 use std::io;
 use std::time::Duration;
 
+/// The only peers that this protocol has.
+const PEERS: [&str; 2] = ["DEALER", "REQ"];
 const HEARTBEAT_MS: i32 = 2000;
 const HEARTBEAT_TIMEOUT_MS: i32 = 6000;
-/// Frames of one message beyond which the rest is thrown away unread.
+/// Frames of one message beyond which its connection is closed (by a libzmq without our bounds: the
+/// rest is thrown away unread).
 const MOST_FRAMES: usize = 64;
 
 /// Maps ZeroMQ's `User-Id` to a user who is allowed now.
@@ -57,11 +62,21 @@ impl Router {
         front.set_router_mandatory(true)?;
         // With it, an IPv4 address would come back as ::ffff:1.2.3.4.
         front.set_ipv6(endpoint.contains('['))?;
+        // With a domain, peers below ZMTP 3 are turned away, keys or not: a web page's POST is such a one.
+        front.set_zap_domain(super::zap::DOMAIN)?;
+        guard::apply(
+            &mut front,
+            Bounds {
+                parts: MOST_FRAMES as c_int,
+                bytes: limits.transport_bytes as i64,
+                connections: limits.connections as c_int,
+            },
+        );
         if let Security::Curve(secret) = security {
             front.set_curve_server(true)?;
             front.set_curve_secretkey(&zmq::z85_decode(secret).map_err(|_| zmq::Error::EINVAL)?)?;
-            front.set_zap_domain(super::zap::DOMAIN)?;
-            enforce_zap(&mut front)?;
+            // Without this option libzmq admits every key while no handler is bound.
+            guard::set(&mut front, zmq_sys::ZMQ_ZAP_ENFORCE_DOMAIN, 1 as c_int)?;
         }
         let bell = context.socket(zmq::PULL)?;
         bell.set_linger(0)?;
@@ -76,42 +91,70 @@ impl Router {
         &self.endpoint
     }
 
-    /// One message, if there is one.
+    /// One message of a peer that may speak here, if there is one.
     fn take(&mut self) -> Result<Option<Request>, zmq::Error> {
-        let peer = match self.front.recv_bytes(zmq::DONTWAIT) {
-            Ok(peer) => peer,
-            Err(zmq::Error::EAGAIN | zmq::Error::EINTR) => return Ok(None),
-            Err(e) => return Err(e),
-        };
-        let mut frames = Vec::new();
-        let mut user = None;
-        let mut part = zmq::Message::new();
-        while self.front.get_rcvmore()? {
-            self.front.recv(&mut part, 0)?;
-            if frames.is_empty() {
-                user = (self.identify)(part.gets("User-Id"));
+        loop {
+            let peer = match self.front.recv_bytes(zmq::DONTWAIT) {
+                Ok(peer) => peer,
+                Err(zmq::Error::EAGAIN | zmq::Error::EINTR) => return Ok(None),
+                Err(e) => return Err(e),
+            };
+            let (mut frames, mut user, mut known) = (Vec::new(), None, false);
+            let mut part = zmq::Message::new();
+            while self.front.get_rcvmore()? {
+                self.front.recv(&mut part, 0)?;
+                if frames.is_empty() {
+                    known = part.gets("Socket-Type").is_some_and(|kind| PEERS.contains(&kind));
+                    user = (self.identify)(part.gets("User-Id"));
+                }
+                if frames.len() < MOST_FRAMES {
+                    frames.push(part.to_vec());
+                }
             }
-            if frames.len() < MOST_FRAMES {
-                frames.push(part.to_vec());
+            if known {
+                return Ok(Some(Request { peer, user, frames }));
             }
         }
-        Ok(Some(Request { peer, user, frames }))
     }
 }
 
-/// Without this option libzmq admits every key while no handler is bound.
-fn enforce_zap(socket: &mut zmq::Socket) -> Result<(), zmq::Error> {
-    let on: c_int = 1;
-    // SAFETY: the socket lives, and the option reads one int at the address that we pass.
-    let rc = unsafe {
-        zmq_sys::zmq_setsockopt(
-            socket.as_mut_ptr(),
-            zmq_sys::ZMQ_ZAP_ENFORCE_DOMAIN as c_int,
-            (&raw const on).cast::<c_void>(),
-            size_of::<c_int>(),
-        )
-    };
-    if rc == 0 { Ok(()) } else { Err(zmq::Error::ENOTSUP) }
+/// A frame in libzmq's hands, with what is given back when it lets go.
+struct Lent {
+    _frame: Frame,
+    _charge: Option<Charge>,
+}
+
+/// Called by libzmq, on any thread, once it needs the bytes no more.
+unsafe extern "C" fn give_back(_: *mut c_void, lent: *mut c_void) {
+    // SAFETY: `send_shared` made this pointer from a box, and libzmq calls once.
+    drop(unsafe { Box::from_raw(lent.cast::<Lent>()) });
+}
+
+/// Sends a frame without copying it: a large reply in the window and on its way is one.
+fn send_shared(socket: &mut zmq::Socket, frame: Frame, charge: Option<Charge>, more: bool) -> bool {
+    let flags = zmq::DONTWAIT | if more { zmq::SNDMORE } else { 0 };
+    if charge.is_none() && frame.len() < 512 {
+        return socket.send(&frame[..], flags).is_ok();
+    }
+    let (data, size) = (frame.as_ptr(), frame.len());
+    let lent = Box::into_raw(Box::new(Lent { _frame: frame, _charge: charge }));
+    let mut message = zmq_sys::zmq_msg_t::default();
+    // SAFETY: the bytes live as long as `lent`, which `give_back` drops; libzmq only reads them. The
+    // message is initialised before it is sent, and closed if libzmq did not take it.
+    unsafe {
+        let data = data.cast_mut().cast::<c_void>();
+        if zmq_sys::zmq_msg_init_data(&raw mut message, data, size, Some(give_back), lent.cast())
+            != 0
+        {
+            give_back(data, lent.cast());
+            return false;
+        }
+        let sent = zmq_sys::zmq_msg_send(&raw mut message, socket.as_mut_ptr(), flags) >= 0;
+        if !sent {
+            zmq_sys::zmq_msg_close(&raw mut message);
+        }
+        sent
+    }
 }
 
 fn broken(error: zmq::Error) -> io::Error {
@@ -132,20 +175,16 @@ impl Transport for Router {
         self.take().map_err(broken)
     }
 
-    fn send(&mut self, peer: &[u8], reply: &[Frame]) -> bool {
-        let mut flags = zmq::DONTWAIT | zmq::SNDMORE;
-        if self.front.send(peer, flags).is_err() {
+    fn send(&mut self, peer: &[u8], reply: Vec<Frame>, charge: Charge) -> bool {
+        if self.front.send(peer, zmq::DONTWAIT | zmq::SNDMORE).is_err() {
             return false;
         }
-        for (i, frame) in reply.iter().enumerate() {
-            if i + 1 == reply.len() {
-                flags = zmq::DONTWAIT;
-            }
-            if self.front.send(&frame[..], flags).is_err() {
-                return false;
-            }
-        }
-        true
+        let last = reply.len() - 1;
+        let mut charge = Some(charge);
+        reply.into_iter().enumerate().all(|(i, frame)| {
+            let charge = if i == last { charge.take() } else { None };
+            send_shared(&mut self.front, frame, charge, i < last)
+        })
     }
 
     fn waker(&mut self) -> io::Result<Waker> {

@@ -2,13 +2,15 @@
 //! every handshake.
 
 use super::keys;
+use super::rate::Rate;
 use crate::metrics::Metrics;
 use crate::shared::Shared;
-use std::panic::catch_unwind;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::thread::JoinHandle;
+use std::time::Instant;
 use tracing::{info, warn};
 
 /// The address that libzmq asks.
@@ -30,8 +32,9 @@ pub fn start(
     socket.set_linger(0)?;
     socket.bind(ADDRESS)?;
     let work = move || {
+        let rates = Rates::default();
         while let Ok(request) = socket.recv_multipart(0) {
-            let reply = answer(&request, &directory, &shared.metrics);
+            let reply = answer(&request, &directory, &shared.metrics, &rates);
             if socket.send_multipart(reply, 0).is_err() {
                 return;
             }
@@ -40,30 +43,46 @@ pub fn start(
     Ok(std::thread::Builder::new().name("zap".into()).spawn(work).expect("a thread can be made"))
 }
 
+/// Strangers choose how often these lines come.
+#[derive(Debug, Default)]
+struct Rates {
+    admitted: Rate,
+    denied: Rate,
+    ignored: Rate,
+}
+
 /// One decision. Frames: version, request, domain, address, identity, mechanism, credentials.
-fn answer(request: &[Vec<u8>], directory: &Path, metrics: &Metrics) -> Vec<Vec<u8>> {
+fn answer(request: &[Vec<u8>], directory: &Path, metrics: &Metrics, rates: &Rates) -> Vec<Vec<u8>> {
     let number = request.get(1).cloned().unwrap_or_default();
     let address =
         request.get(3).map(|a| String::from_utf8_lossy(a).into_owned()).unwrap_or_default();
     // Whatever goes wrong in here denies.
-    let decision = catch_unwind(|| decide(request, directory))
+    let decision = catch_unwind(AssertUnwindSafe(|| decide(request, directory, rates)))
         .unwrap_or_else(|_| Err("the handler failed".into()));
     let (status, text, user) = match decision {
         Ok((name, key)) => {
-            info!(user = name, address, "admitted");
+            if let Some(left_out) = rates.admitted.line(Instant::now()) {
+                info!(user = name, address, left_out, "admitted");
+            }
             // The key goes along: a connection made with a replaced key can be told apart.
             ("200", "OK", format!("{name}/{key}"))
         }
         Err(reason) => {
             metrics.denied.fetch_add(1, Relaxed);
-            warn!(address, reason, "handshake denied");
+            if let Some(left_out) = rates.denied.line(Instant::now()) {
+                warn!(address, reason, left_out, "handshake denied");
+            }
             ("400", "denied", String::new())
         }
     };
     [b"1.0".to_vec(), number, status.into(), text.into(), user.into_bytes(), vec![]].into()
 }
 
-fn decide(request: &[Vec<u8>], directory: &Path) -> Result<(String, String), String> {
+fn decide(
+    request: &[Vec<u8>],
+    directory: &Path,
+    rates: &Rates,
+) -> Result<(String, String), String> {
     let [version, _, domain, _, _, mechanism, credentials] = request else {
         return Err(format!("the request has {} frames instead of 7", request.len()));
     };
@@ -73,7 +92,9 @@ fn decide(request: &[Vec<u8>], directory: &Path) -> Result<(String, String), Str
     let key = zmq::z85_encode(credentials).map_err(|e| e.to_string())?;
     let (users, problems) = keys::authorized(directory);
     for problem in problems {
-        warn!(problem, "a key file is ignored");
+        if let Some(left_out) = rates.ignored.line(Instant::now()) {
+            warn!(problem, left_out, "a key file is ignored");
+        }
     }
     match users.into_iter().find(|(_, user)| user.public == key) {
         Some((name, _)) => Ok((name, key)),
@@ -89,7 +110,7 @@ mod tests {
     fn ask(frames: &[&[u8]]) -> (Vec<u8>, Vec<u8>) {
         let request: Vec<Vec<u8>> = frames.iter().map(|f| f.to_vec()).collect();
         let metrics = Metrics::default();
-        let reply = answer(&request, Path::new("/nonexistent/rodgym"), &metrics);
+        let reply = answer(&request, Path::new("/nonexistent/rodgym"), &metrics, &Rates::default());
         assert_eq!(reply.len(), 6, "version, number, status, text, user, metadata");
         assert_eq!(metrics.denied.load(Relaxed), 1);
         (reply[2].clone(), reply[4].clone())

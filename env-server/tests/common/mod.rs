@@ -226,13 +226,14 @@ pub struct Desk {
 impl Desk {
     pub fn new(limits: Limits) -> Self {
         let shared = Arc::new(Shared::new(limits, "epoch-of-tests"));
-        let mut next = 0u128;
+        // The first two numbers make the key of the digests, the third is the first session's.
+        let mut next = u128::MAX - 1;
         // Far apart, so that guessing is not what a test does by accident.
         let ids = move || {
-            next += 1;
+            next = next.wrapping_add(1);
             next.wrapping_mul(0x9e37_79b9_7f4a_7c15_f39c_c060_5ced_c835)
         };
-        let server = Server::new(shared.clone(), Box::new(ids)).factory(Box::new(Counters::boxed));
+        let server = Server::new(shared.clone(), Box::new(ids)).factory(Arc::new(Counters::boxed));
         Desk { server, shared, now: Duration::ZERO, user: "ada".into(), rid: 0 }
     }
 

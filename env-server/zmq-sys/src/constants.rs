@@ -1,5 +1,5 @@
-//! Constants of `zmq.h` that crate `zmq` uses, and the two options it does not wrap:
-//! `ZMQ_CURVE_SERVER` (as a number) and `ZMQ_ZAP_ENFORCE_DOMAIN`.
+//! Constants of `zmq.h` that crate `zmq` uses, the option that it does not wrap
+//! (`ZMQ_ZAP_ENFORCE_DOMAIN`), and those that only our patched libzmq knows.
 
 // Context options.
 pub const ZMQ_IO_THREADS: u32 = 1;
@@ -77,6 +77,14 @@ pub const ZMQ_HEARTBEAT_TTL: u32 = 76;
 pub const ZMQ_HEARTBEAT_TIMEOUT: u32 = 77;
 pub const ZMQ_CONNECT_TIMEOUT: u32 = 79;
 pub const ZMQ_ZAP_ENFORCE_DOMAIN: u32 = 93;
+
+// Our own, see README.md; another libzmq answers EINVAL.
+/// `int`: frames of one message, which then may have `ZMQ_MAXMSGSIZE` bytes in all.
+pub const RODGYM_MAX_PARTS: u32 = 0x72_6401;
+/// `int64_t`: bytes that libzmq may hold for all peers of the process.
+pub const RODGYM_BYTES: u32 = 0x72_6402;
+/// `int`: connections of the process.
+pub const RODGYM_CONNECTIONS: u32 = 0x72_6403;
 
 // Message flags.
 pub const ZMQ_MORE: u32 = 1;
