@@ -21,7 +21,7 @@ def main() -> None:
         conversation += bytes([len(frames)])
         for frame in frames:
             conversation += len(frame).to_bytes(2, "big") + frame
-        # The peer has shaken hands (3); 2 says that a frame's length has eight bytes, 1 that more come.
+        # The peer has shaken hands (3). Flags: 2 a length of eight bytes, 1 more frames to come.
         message = b"\x03" + b"".join(
             bytes([2 | (k + 1 < len(frames))]) + len(frame).to_bytes(8, "big") + frame
             for k, frame in enumerate(frames)

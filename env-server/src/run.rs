@@ -48,11 +48,20 @@ pub struct Setup {
     pub stop: Box<dyn Fn() -> bool>,
 }
 
+/// How serving ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum End {
+    /// Whatever had arrived is answered.
+    Drained,
+    /// Something was still being computed: its thread is left behind.
+    OutOfTime,
+}
+
 /// Serves until asked to stop, then finishes what is in flight (10 s at most).
 ///
 /// # Errors
 /// The transport is broken for good.
-pub fn run(transport: &mut dyn Transport, setup: Setup) -> io::Result<()> {
+pub fn run(transport: &mut dyn Transport, setup: Setup) -> io::Result<End> {
     let Setup { shared, server, workers, long, allowed, live, stop } = setup;
     let start = Instant::now();
     let pool = Pool::start(workers, transport)?;
@@ -85,9 +94,9 @@ pub fn run(transport: &mut dyn Transport, setup: Setup) -> io::Result<()> {
                 draining = Some(Instant::now());
             }
             // A waker ends a wait early: only time tells that nothing comes any more.
-            Some(since) if since.elapsed() > DRAIN => return Ok(()),
+            Some(since) if since.elapsed() > DRAIN => return Ok(End::OutOfTime),
             Some(since) if since.max(last).elapsed() > QUIET && engine.pool.is_idle() => {
-                return Ok(());
+                return Ok(End::Drained);
             }
             _ => {}
         }

@@ -13,11 +13,14 @@ use serde_json::json;
 use std::collections::{HashMap, VecDeque};
 use std::time::Duration;
 
+/// A request and its number.
+type Numbered = (usize, Vec<Vec<u8>>);
+
 /// What `run` does with threads, without any: work stays until it is told to be done.
 #[derive(Default)]
 struct Away {
     work: Vec<(usize, Work)>,
-    waiting: HashMap<u128, VecDeque<(usize, Vec<Vec<u8>>)>>,
+    waiting: HashMap<u128, VecDeque<Numbered>>,
     replies: HashMap<usize, Vec<Frame>>,
 }
 

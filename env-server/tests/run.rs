@@ -7,7 +7,7 @@ use common::{Counters, Desk, Reply};
 use rodgym_server::limits::Limits;
 use rodgym_server::live::Live;
 use rodgym_server::memory::Charge;
-use rodgym_server::run::{Setup, run};
+use rodgym_server::run::{End, Setup, run};
 use rodgym_server::server::Server;
 use rodgym_server::shared::Shared;
 use rodgym_server::transport::{Request, Transport, Waker};
@@ -47,7 +47,7 @@ struct Running {
     replies: Receiver<(Vec<u8>, Vec<Frame>)>,
     stop: Arc<AtomicBool>,
     shared: Arc<Shared>,
-    thread: std::thread::JoinHandle<io::Result<()>>,
+    thread: std::thread::JoinHandle<io::Result<End>>,
 }
 
 /// `workers` threads compute what takes longer than `long`.

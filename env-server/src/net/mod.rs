@@ -12,7 +12,7 @@ pub mod zap;
 use crate::limits::{HIGH_WATER_MARK, Limits};
 use crate::live::Live;
 use crate::memory::half_of_the_machine;
-use crate::run::{Allowed, Setup, run};
+use crate::run::{Allowed, End, Setup, run};
 use crate::server::Server;
 use crate::shared::Shared;
 use http::Http;
@@ -92,7 +92,7 @@ pub fn serve(config: &Config, bound: impl FnOnce(&str, Option<SocketAddr>)) -> R
     limits.share_memory(config.memory.unwrap_or_else(half_of_the_machine), config.keys.is_some());
     limits.connections = descriptors(limits.connections);
     let shared = Arc::new(Shared::new(limits, random_hex(8)));
-    let context = zmq::Context::new();
+    let mut context = zmq::Context::new();
     if !guard::available(&context) {
         if !is_local(&config.bind) {
             return Err(format!(
@@ -148,7 +148,12 @@ pub fn serve(config: &Config, bound: impl FnOnce(&str, Option<SocketAddr>)) -> R
     info!("stopped");
     // The signals come back first: closing may wait for unsent replies (500 ms).
     drop((signals, router));
-    outcome
+    if outcome == Ok(End::Drained) {
+        // Without this the process could end before they are out: the threads of workers and of
+        // authentication hold the context too, and end with it.
+        let _ = context.destroy();
+    }
+    outcome.map(|_| ())
 }
 
 /// Threads for long work, and what is long. Where there are cores to spare, it pays to hand over what
