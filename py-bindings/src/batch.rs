@@ -6,6 +6,7 @@
 use crate::arguments::{Actions, count, read_options, read_seeds};
 use crate::convert::{points, serialize, to_map};
 use crate::errors::{OrRaise, raise, to_py};
+use crate::lock::Lock;
 use crate::render::Gallery;
 use crate::sim::Simulation;
 use numpy::{
@@ -14,14 +15,13 @@ use numpy::{
 };
 use pyo3::intern;
 use pyo3::prelude::*;
-use pyo3::sync::MutexExt;
 use pyo3::types::{PyBytes, PyDict, PyList, PyTuple};
 use rodgym_core::catalog::{self, MakeOptions};
 use rodgym_core::env::{AutoresetMode, Scene, Spec, StepBuffer, StepData, VectorEnv};
 use rodgym_core::results::Widths;
 use rodgym_core::{Error, Result, step_fields};
 use serde_json::Value;
-use std::sync::{Mutex, MutexGuard};
+use std::sync::MutexGuard;
 
 /// Adds this file's classes and functions to the module.
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
@@ -46,7 +46,7 @@ fn catalog_rows(py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
 /// Elsewhere they are zero.
 #[pyclass(module = "rodgym._native", frozen)]
 pub struct Batch {
-    inner: Mutex<Inner>,
+    inner: Lock<Inner>,
     gallery: Gallery,
     spec: Spec,
     options: MakeOptions,
@@ -95,7 +95,7 @@ impl Batch {
         let actions = vec![0.0; options.num_envs * spec.action.size()];
         let single = options.autoreset_mode == AutoresetMode::Single;
         let buffer = StepBuffer::new(&spec, if single { 1 } else { 0 });
-        let inner = Mutex::new(Inner { env, actions, buffer });
+        let inner = Lock::new("batch", Inner { env, actions, buffer });
         Ok(Batch { inner, gallery: Gallery::default(), spec, options })
     }
 
@@ -224,6 +224,21 @@ impl Batch {
         Ok(PyBytes::new(py, &self.lock(py)?.env.get_state(index).or_raise()?))
     }
 
+    /// Snapshots of environments `first` to `first + count`, all of one moment.
+    fn get_states<'py>(
+        &self,
+        py: Python<'py>,
+        first: usize,
+        count: usize,
+    ) -> PyResult<Vec<Bound<'py, PyBytes>>> {
+        let inner = self.lock(py)?;
+        let state = |index| Ok(PyBytes::new(py, &inner.env.get_state(index).or_raise()?));
+        (first..first + count).map(state).collect()
+    }
+
+    /// Nothing to give back: memory and threads go with the object.
+    fn close(&self) {}
+
     /// Puts a snapshot in place of environment `index`.
     fn set_state(&self, py: Python<'_>, index: usize, state: &[u8]) -> PyResult<()> {
         self.lock(py)?.env.set_state(index, state).or_raise()
@@ -345,9 +360,7 @@ impl Batch {
 
     /// The batch, waiting without the GIL while another thread steps it.
     fn lock(&self, py: Python<'_>) -> PyResult<MutexGuard<'_, Inner>> {
-        self.inner.lock_py_attached(py).map_err(|_| {
-            raise("RodgymError", "this batch is not usable: an earlier call ended in a panic")
-        })
+        self.inner.lock(py)
     }
 
     /// Makes result arrays and lets `call` fill them without the GIL.

@@ -10,6 +10,7 @@ mod batch;
 mod convert;
 mod errors;
 mod infos;
+mod lock;
 mod machine;
 mod render;
 mod riccati;
@@ -27,6 +28,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     baselines::register(module)?;
     batch::register(module)?;
     infos::register(module)?;
+    lock::register(module)?;
     machine::register(module)?;
     render::register(module)?;
     riccati::register(module)?;

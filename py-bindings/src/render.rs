@@ -1,7 +1,8 @@
 //! Pictures as NumPy arrays and as SVG.
 
 use crate::convert::to_map;
-use crate::errors::{OrRaise, raise, to_py};
+use crate::errors::{OrRaise, to_py};
+use crate::lock::Lock;
 use numpy::{PyArray1, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -9,7 +10,6 @@ use rodgym_core::env::Scene;
 use rodgym_core::{Error, Result};
 use rodgym_render::{Painter, drawing};
 use std::collections::HashMap;
-use std::sync::Mutex;
 
 /// Width and height \[px\] as asked for; a side left out is the one that suits the machine.
 pub type Size = (Option<u32>, Option<u32>);
@@ -21,9 +21,14 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 
 /// The painters of a batch: one for each environment that was ever drawn.
 #[pyclass(module = "rodgym._native", frozen)]
-#[derive(Default)]
 pub struct Gallery {
-    painters: Mutex<HashMap<usize, Painter>>,
+    painters: Lock<HashMap<usize, Painter>>,
+}
+
+impl Default for Gallery {
+    fn default() -> Self {
+        Gallery { painters: Lock::new("gallery", HashMap::new()) }
+    }
 }
 
 #[pymethods]
@@ -86,20 +91,16 @@ impl Gallery {
         self.draw(py, index, |painter| painter.render_svg(scene, size))
     }
 
-    /// Lets the environment's painter draw. The lock is taken without the GIL, so that a thread that
-    /// draws cannot block one that waits for it.
+    /// Lets the environment's painter draw, without the GIL.
     fn draw<T: Send>(
         &self,
         py: Python<'_>,
         index: usize,
         draw: impl FnOnce(&mut Painter) -> Result<T> + Send,
     ) -> PyResult<T> {
-        py.detach(|| {
-            let mut painters = self.painters.lock().ok()?;
-            Some(draw(painters.entry(index).or_default()))
-        })
-        .ok_or_else(|| raise("RodgymError", "an earlier picture of this batch ended in a panic"))?
-        .or_raise()
+        let mut guard = self.painters.lock(py)?;
+        let painters = &mut *guard;
+        py.detach(|| draw(painters.entry(index).or_default())).or_raise()
     }
 }
 

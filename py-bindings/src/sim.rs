@@ -1,16 +1,16 @@
 //! The bare machines, one at a time: `rodgym.sim`. One class for all of them.
 
 use crate::convert::{points, to_map, to_python};
-use crate::errors::{OrRaise, raise, to_py};
+use crate::errors::{OrRaise, to_py};
+use crate::lock::Lock;
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use pyo3::sync::MutexExt;
 use pyo3::types::{PyDict, PyTuple};
 use rodgym_core::Error;
 use rodgym_core::catalog;
 use rodgym_core::simulation::{Named, Simulation as Machine};
 use serde_json::Value;
-use std::sync::{Mutex, MutexGuard};
+use std::sync::MutexGuard;
 
 /// Adds this file's classes to the module.
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
@@ -19,7 +19,7 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 
 /// A bare machine without sensors, task or control step.
 #[pyclass(module = "rodgym._native", frozen)]
-pub struct Simulation(Mutex<Box<dyn Machine>>);
+pub struct Simulation(Lock<Box<dyn Machine>>);
 
 #[pymethods]
 impl Simulation {
@@ -148,14 +148,12 @@ impl Simulation {
 impl Simulation {
     /// A machine as Python has it.
     pub fn of(machine: Box<dyn Machine>) -> Self {
-        Simulation(Mutex::new(machine))
+        Simulation(Lock::new("simulation", machine))
     }
 
     /// The machine, waiting without the GIL while another thread steps it.
     fn lock(&self, py: Python<'_>) -> PyResult<MutexGuard<'_, Box<dyn Machine>>> {
-        self.0.lock_py_attached(py).map_err(|_| {
-            raise("RodgymError", "this simulation is not usable: an earlier call ended in a panic")
-        })
+        self.0.lock(py)
     }
 }
 

@@ -105,10 +105,10 @@ def frames_of_a_step(env: Any, num_envs: int) -> tuple[list[Any], list[bytes]]:
     """What travels in a step, both ways; the step is taken."""
     native = env._batch.native
     action = {"action": np.zeros((num_envs, 1), dtype=np.float32)}
-    request = pack("step", 1, native._sid, native._seq + 1, {}, action)
+    request = pack("step", 1, native._sid, native._progress.seq + 1, {}, action)
     socket = native.connection._socket
     socket.send_multipart(request)
-    native._seq += 1
+    native._progress = native._progress._replace(seq=native._progress.seq + 1)
     return request, socket.recv_multipart()
 
 

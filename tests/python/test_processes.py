@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import gc
 import multiprocessing
 import sys
+import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
 
 import gymnasium as gym
 import numpy as np
 import pytest
-import rodgym  # noqa: F401
+import rodgym
 from conftest import RANDOM, SWING_UP, actions_for, assert_same
 from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
 
@@ -27,6 +30,67 @@ def worker(pipe, inherited=None) -> None:
     if inherited is not None:
         pipe.send([inherited.step(np.zeros((256, 1)))[0].tobytes()])
     pipe.close()
+
+
+def use_in_child(use, context) -> str:
+    """What `use` ends with in a forked child."""
+    ours, theirs = context.Pipe()
+
+    def child() -> None:
+        try:
+            use()
+            gc.collect()
+            theirs.send("it worked")
+        except Exception as error:
+            theirs.send(f"{type(error).__name__}: {error}")
+
+    process = context.Process(target=child)
+    process.start()
+    assert ours.poll(60), "the child hangs"
+    process.join(60)
+    assert process.exitcode == 0
+    return ours.recv()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there is no fork on Windows")
+@pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_batch_that_a_thread_was_stepping_at_the_fork_is_refused_by_name(threads):
+    context = multiprocessing.get_context("fork")
+    env = gym.make_vec(SWING_UP, num_envs=4096, num_threads=threads, thesis=True)
+    rod = rodgym.sim.Pendulum(thesis=True)
+    env.reset(seed=0)
+    began, stop = threading.Barrier(3), threading.Event()
+
+    def step(call) -> None:
+        began.wait(60)
+        while not stop.is_set():
+            call()
+
+    calls = (lambda: env.step(np.zeros((4096, 1))), lambda: rod.step(n=100_000))
+    workers = [threading.Thread(target=step, args=(call,)) for call in calls]
+    for worker in workers:
+        worker.start()
+    began.wait(60)
+    try:
+        time.sleep(0.1)
+        uses = (
+            ("batch", lambda: env.step(np.zeros((4096, 1)))),
+            ("batch", lambda: env.get_state([3])),
+            ("simulation", lambda: rod.positions),
+        )
+        for name, use in uses:
+            # Nearly all of the time is spent in the step.
+            told = {use_in_child(use, context) for _ in range(3)}
+            assert any(f"RodgymError: this {name} is not usable: another thread" in t for t in told)
+    finally:
+        stop.set()
+        for worker in workers:
+            worker.join(60)
+    # Where nobody uses it at the fork it works, and the parent's goes on.
+    assert use_in_child(lambda: env.step(np.zeros((4096, 1))), context) == "it worked"
+    assert use_in_child(lambda: rod.step(n=3), context) == "it worked"
+    env.step(np.zeros((4096, 1)))
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no fork on Windows")

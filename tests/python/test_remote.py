@@ -179,12 +179,12 @@ def test_what_a_local_batch_refuses_a_remote_one_refuses_likewise(server):
 
 
 def test_snapshots_beyond_a_message_travel_in_parts(server, monkeypatch):
-    import rodgym.remote.batch
+    import rodgym.remote.session
 
     env = rodgym.remote.connect(server.address, SWING_UP, 9)
     env.reset(seed=1)
     states = env.get_state()
-    monkeypatch.setattr(rodgym.remote.batch, "SNAPSHOT_BYTES", 2 * len(states[0]))
+    monkeypatch.setattr(rodgym.remote.session, "SNAPSHOT_BYTES", 2 * len(states[0]))
     env.step(np.ones((9, 1)))
     env.set_state(states)
     assert env.get_state() == states

@@ -93,9 +93,16 @@ def test_kill_and_restart_with_recovery_goes_on_unchanged(undisturbed):
 
 
 def test_recovery_from_a_snapshot_equals_recovery_from_the_start(undisturbed, monkeypatch):
-    import rodgym.remote.batch
+    import rodgym.remote.session
 
-    monkeypatch.setattr(rodgym.remote.batch, "SNAPSHOT_EVERY", 4)
+    monkeypatch.setattr(rodgym.remote.session, "SNAPSHOT_EVERY", 4)
+    restored, restore = [], rodgym.remote.session.Session._restore
+
+    def restoring(session) -> None:
+        restored.append(session._progress)
+        restore(session)
+
+    monkeypatch.setattr(rodgym.remote.session.Session, "_restore", restoring)
     actions, expected = undisturbed
     with serving() as server:
 
@@ -106,7 +113,8 @@ def test_recovery_from_a_snapshot_equals_recovery_from_the_start(undisturbed, mo
 
         results, native = play(server.address, actions, between, recover="restart")
         assert_same(results, expected)
-        assert native._snapshot is not None and len(native._since) < 4
+        assert native.recoveries == len(restored) == 1
+        assert restored[0].snapshot is not None and len(restored[0].since) < 4
 
 
 def test_kill_and_restart_without_recovery_says_that_the_session_is_lost():
@@ -153,30 +161,6 @@ def test_a_step_that_timed_out_counts_once(undisturbed, repeated):
         for i in range(0 if repeated else 1, STEPS):
             assert_same(env.step(actions[i]), expected[i + 1])
         env.close()
-
-
-def test_an_interrupted_step_counts_once(server, undisturbed, monkeypatch):
-    actions, expected = undisturbed
-    env = rodgym.remote.connect(server.address, SWING_UP, 2, max_episode_steps=5, **RANDOM)
-    assert_same(env.reset(seed=8), expected[0])
-    for i, action in enumerate(actions):
-        if i % 3 == 1:
-            # Ctrl-C while the reply is on its way.
-            with monkeypatch.context() as patch:
-                patch.setattr(Connection, "_attempt", interrupted(Connection._attempt))
-                with pytest.raises(KeyboardInterrupt):
-                    env.step(action)
-            continue
-        assert_same(env.step(action), expected[i + 1])
-    env.close()
-
-
-def interrupted(attempt):
-    def interrupting(self, frames, rid, until):
-        attempt(self, frames, rid, until)
-        raise KeyboardInterrupt
-
-    return interrupting
 
 
 def test_sigterm_drains_and_stops_at_once_when_nothing_is_in_flight():
@@ -451,7 +435,7 @@ def test_replies_beyond_the_high_water_mark_are_counted_and_can_be_asked_for_aga
         deaf.close()
         assert len(heard) + lost == sent and heard == sorted(heard)
         # The last step's reply, lost to the deaf one, from memory; then the next step.
-        native._seq = sent
+        native._progress = native._progress._replace(seq=sent)
         assert_same(env.step(action)[:2], expected[:2])
         assert_same(env.step(action)[:2], local.step(action)[:2])
         env.close()

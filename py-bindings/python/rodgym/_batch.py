@@ -1,4 +1,4 @@
-"""A native batch with seeds completed and results named: what the vector environments share."""
+"""A batch with seeds completed and results named: what the vector environments share."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium.utils import seeding
 
-from rodgym import _native
 from rodgym._machine import Member, picture_size
+from rodgym.backend import LOCAL, Backend
 from rodgym.errors import EnvIndexError, ParameterError, ShapeError
 
 Flags = npt.NDArray[np.bool_]
@@ -37,10 +37,10 @@ class Result(NamedTuple):
 
 
 class SeededBatch:
-    """A native batch that never starts from an unknown random stream.
+    """A batch that never starts from an unknown random stream.
 
     Environments that had no seed yet take one from NumPy's generator; afterwards resets without a
-    seed continue the streams in Rust.
+    seed continue the streams of the core.
     """
 
     def __init__(
@@ -53,13 +53,14 @@ class SeededBatch:
         num_threads: int | None,
         render_mode: str | None = None,
         render_size: tuple[int, int] | None = None,
+        backend: Backend = LOCAL,
     ) -> None:
         if render_mode not in (None, "rgb_array"):
             raise ParameterError(
                 f"render_mode = {render_mode!r} is not allowed for a batch: "
                 "it must be None or 'rgb_array'"
             )
-        self.native = self._make(
+        self.native = backend.open(
             env_id, num_envs, kwargs, autoreset_mode, max_episode_steps, num_threads
         )
         self.about = self.native.spec
@@ -68,10 +69,6 @@ class SeededBatch:
         #: One light object an environment: its plant, snapshots and picture.
         self.members = [Member(self.native, i, render_mode, size) for i in range(self.num_envs)]
         self._unseeded = np.ones(self.num_envs, dtype=np.bool_)
-
-    def _make(self, *args: Any) -> _native.Batch:
-        """The batch itself; elsewhere for environments on a server."""
-        return _native.Batch(*args)
 
     @property
     def needs_seeds(self) -> bool:
@@ -114,6 +111,8 @@ class SeededBatch:
 
     def get_state(self, indices: Any = None) -> list[bytes]:
         """Snapshots of all environments, or of those in `indices`."""
+        if indices is None:
+            return self.native.get_states(0, self.num_envs)
         return [self.native.get_state(i) for i in self._indices(indices)]
 
     def set_state(self, states: list[bytes], indices: Any = None) -> Observations:

@@ -14,7 +14,7 @@ from rodgym import _native
 from rodgym._checks import refused, snapshot, whole
 
 if TYPE_CHECKING:
-    from rodgym._native import Batch
+    from rodgym.backend import Batch
     from rodgym.sim import Fin, Pendulum
 
 Array = npt.NDArray[np.float64]

@@ -47,6 +47,6 @@ def register_all() -> None:
         # Everything about it is the server's to tell: its address and `env_id` are arguments.
         gym.register(
             id=REMOTE,
-            entry_point="rodgym.remote:RemoteEnv",
+            entry_point="rodgym.remote.envs:make",
             vector_entry_point="rodgym.remote:RemoteVectorEnv",
         )

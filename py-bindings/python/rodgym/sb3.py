@@ -23,7 +23,8 @@ from rodgym import _checks as checks
 from rodgym import _native
 from rodgym._batch import Result, SeededBatch
 from rodgym._machine import Member, box, plain
-from rodgym._registration import ENVIRONMENTS, REMOTE
+from rodgym._registration import REMOTE
+from rodgym.backend import LOCAL, Backend
 from rodgym.errors import EnvIndexError, ShapeError
 
 if TYPE_CHECKING:
@@ -63,13 +64,13 @@ def make_vec_env(
     if env_id == REMOTE:
         # As in `gym.make`, where server and environment are keywords.
         server, env_id = kwargs.pop("server", server), kwargs.pop("env_id", env_id)
-    env: VecEnv
-    if server is None:
-        env = RodVecEnv(env_id, n_envs, **kwargs)
-    else:
-        from rodgym.remote.sb3 import RemoteVecEnv
+    if server is not None:
+        from rodgym.remote import Server
 
-        env = RemoteVecEnv(server, env_id, n_envs, **kwargs)
+        names = ("keys", "server_key", "timeout", "recover")
+        where = {name: kwargs.pop(name) for name in names if name in kwargs}
+        kwargs["backend"] = Server(server, **where)
+    env: VecEnv = RodVecEnv(env_id, n_envs, **kwargs)
     if seed is not None:
         env.seed(seed)
     return Monitor(env, monitor_dir) if monitor else env
@@ -106,6 +107,7 @@ class RodVecEnv(VecEnv):
             never.
         num_threads: threads of a step; `None`: as many as the process may use.
         render_size: width and height of a picture in pixels; `None`: what suits the machine.
+        backend: where the batch is computed: in this process, or a `rodgym.remote.Server`.
         **kwargs: keywords of the environment, see its page.
     """
 
@@ -118,14 +120,11 @@ class RodVecEnv(VecEnv):
         max_episode_steps: int | None = None,
         num_threads: int | None = None,
         render_size: tuple[int, int] | None = None,
+        backend: Backend = LOCAL,
         **kwargs: Any,
     ) -> None:
         env_id = checks.env_id(env_id)
-        if max_episode_steps is None and env_id in ENVIRONMENTS:
-            max_episode_steps = ENVIRONMENTS[env_id].max_episode_steps
-        elif max_episode_steps == -1:
-            max_episode_steps = None
-        self._batch = self._open(
+        self._batch = SeededBatch(
             env_id,
             n_envs,
             kwargs,
@@ -134,6 +133,7 @@ class RodVecEnv(VecEnv):
             num_threads,
             render_mode,
             render_size,
+            backend,
         )
         about = self._batch.about
         self._terms: list[str] = about["reward_terms"]
@@ -141,16 +141,14 @@ class RodVecEnv(VecEnv):
         self._parameters: list[str] = [parameter["name"] for parameter in about["parameters"]]
         self._actions: npt.NDArray[Any] | None = None
         #: How `gym.make` would make one of the environments; keywords in types that JSON knows.
-        self.spec = self._describe(env_id, {**kwargs, "render_size": render_size})
+        given = {**kwargs, "render_size": render_size}
+        self.spec = self._describe(*backend.registered(env_id, given))
         if self.spec is not None:
-            self.spec.max_episode_steps = max_episode_steps
+            self.spec.max_episode_steps = self._batch.native.max_episode_steps
             if render_mode is not None:
                 self.spec.kwargs["render_mode"] = render_mode
         super().__init__(self._batch.num_envs, box(about["observation"]), box(about["action"]))
         self.metadata["render_fps"] = round(1.0 / about["control_dt"])
-
-    def _open(self, *args: Any) -> SeededBatch:
-        return SeededBatch(*args)
 
     def _describe(self, env_id: str, kwargs: dict[str, Any]) -> EnvSpec | None:
         """The registered spec with these keywords, those left out not among them."""
@@ -241,7 +239,8 @@ class RodVecEnv(VecEnv):
         return [(mask, options or None) for mask, options in groups]
 
     def close(self) -> None:
-        """Nothing to close: memory and threads go with the object."""
+        """Gives back what a server holds; in this process memory and threads go with the object."""
+        self._batch.native.close()
 
     def get_images(self) -> Sequence[npt.NDArray[np.uint8] | None]:
         """One picture an environment, or None without render_mode="rgb_array"."""

@@ -14,7 +14,7 @@ from rodgym import _checks as checks
 from rodgym._batch import Flags, Floats, Observations, SeededBatch, Seeds
 from rodgym._infos import InfoBuilder
 from rodgym._machine import Frame, Member, box, plain
-from rodgym._registration import ENVIRONMENTS
+from rodgym.backend import LOCAL, Backend
 from rodgym.errors import ShapeError
 
 if TYPE_CHECKING:
@@ -45,6 +45,7 @@ class RodVectorEnv(VectorEnv[Observations, Any, Any]):
             depend on it.
         copy: `False` returns the same observation array at every call, overwritten by the next one.
         render_size: width and height of a picture in pixels; `None`: what suits the machine.
+        backend: where the batch is computed: in this process, or a `rodgym.remote.Server`.
         **kwargs: keywords of the environment, see its page.
     """
 
@@ -65,6 +66,7 @@ class RodVectorEnv(VectorEnv[Observations, Any, Any]):
         num_threads: int | None = None,
         copy: bool = True,
         render_size: tuple[int, int] | None = None,
+        backend: Backend = LOCAL,
         **kwargs: Any,
     ) -> None:
         try:
@@ -72,13 +74,8 @@ class RodVectorEnv(VectorEnv[Observations, Any, Any]):
         except ValueError as error:
             allowed = f"one of {[mode.value for mode in AutoresetMode]}"
             raise checks.refused("autoreset_mode", autoreset_mode, allowed) from error
-        env_id = checks.env_id(env_id)
-        if max_episode_steps is None and env_id in ENVIRONMENTS:
-            max_episode_steps = ENVIRONMENTS[env_id].max_episode_steps
-        elif max_episode_steps == -1:
-            max_episode_steps = None
-        self._batch = self._open(
-            env_id,
+        self._batch = SeededBatch(
+            checks.env_id(env_id),
             num_envs,
             kwargs,
             mode.value,
@@ -86,6 +83,7 @@ class RodVectorEnv(VectorEnv[Observations, Any, Any]):
             num_threads,
             render_mode,
             render_size,
+            backend,
         )
         about = self._batch.about
         self._infos = InfoBuilder(about)
@@ -105,9 +103,6 @@ class RodVectorEnv(VectorEnv[Observations, Any, Any]):
         shape = self.observation_space.shape
         assert shape is not None
         self._out = None if copy else np.zeros(shape, dtype=np.float32)
-
-    def _open(self, *args: Any) -> SeededBatch:
-        return SeededBatch(*args)
 
     @property
     def spec(self) -> EnvSpec | None:  # type: ignore[override]
@@ -239,6 +234,10 @@ class RodVectorEnv(VectorEnv[Observations, Any, Any]):
             raise ShapeError(f"{len(values)} values were given for {self.num_envs} environments")
         for member, value in zip(self.members, values, strict=True):
             setattr(member, name, value)
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Gives back what a server holds; in this process memory and threads go with the object."""
+        self._batch.native.close()
 
     def _split(self, options: dict[str, Any]) -> tuple[Flags | None, dict[str, Any] | None]:
         """The reset mask, checked, and the other options."""

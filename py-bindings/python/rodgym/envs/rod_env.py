@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from rodgym import _checks as checks
-from rodgym import _native
 from rodgym._machine import Frame, Machine, box, picture_size, plain
+from rodgym.backend import LOCAL, Backend
 
 if TYPE_CHECKING:
     from gymnasium.envs.registration import EnvSpec
@@ -28,6 +28,7 @@ class RodEnv(Machine, gym.Env[Vector, Vector]):
         env_id: id such as `"rodgym/PendulumSwingUp-v0"`.
         render_mode: `None`, `"rgb_array"` (no display needed) or `"human"` (needs pygame).
         render_size: width and height of the picture in pixels; `None`: what suits the machine.
+        backend: where it is computed: in this process, or a `rodgym.remote.Server`.
         **kwargs: keywords of the environment, see its page.
     """
 
@@ -38,12 +39,14 @@ class RodEnv(Machine, gym.Env[Vector, Vector]):
         env_id: str,
         render_mode: str | None = None,
         render_size: tuple[int, int] | None = None,
+        *,
+        backend: Backend = LOCAL,
         **kwargs: Any,
     ) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             allowed = f"None or one of {self.metadata['render_modes']}"
             raise checks.refused("render_mode", render_mode, allowed)
-        self._batch = self._open(checks.env_id(env_id), kwargs)
+        self._batch = backend.open(checks.env_id(env_id), 1, kwargs, "Single", -1, None)
         self._spec: EnvSpec | None = None
         self._render_size = picture_size(render_size)
         self._window: Any = None
@@ -53,9 +56,6 @@ class RodEnv(Machine, gym.Env[Vector, Vector]):
         self.render_mode = render_mode
         self.observation_space = box(about["observation"])
         self.action_space = box(about["action"])
-
-    def _open(self, env_id: str, kwargs: dict[str, Any]) -> _native.Batch:
-        return _native.Batch(env_id, 1, kwargs, "Single", None, 1)
 
     @property
     def spec(self) -> EnvSpec | None:  # type: ignore[override]
@@ -135,10 +135,11 @@ class RodEnv(Machine, gym.Env[Vector, Vector]):
         return None
 
     def close(self) -> None:
-        """Closes the window, if there is one."""
+        """Closes the window, if there is one, and gives back what a server holds."""
         if self._window is not None:
             self._window.close()
             self._window = None
+        self._batch.close()
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_window": None}

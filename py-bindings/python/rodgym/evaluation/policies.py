@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import rodgym
+from rodgym.zoo import zoo_policy
 
 AnyEnv: TypeAlias = "gym.Env[Any, Any] | gym.vector.VectorEnv[Any, Any, Any]"
 
@@ -150,8 +151,6 @@ def load_policy(source: str, env: AnyEnv) -> Policy:
 def find(source: str, env: AnyEnv | None = None) -> Path:
     """The file of a trained policy: ``zoo`` (of `env`), a path, or a run's folder."""
     if source == "zoo":
-        from rodgym.training.recipe import zoo_policy
-
         assert env is not None and env.spec is not None
         found = zoo_policy(env.spec.id)
         if found is None:

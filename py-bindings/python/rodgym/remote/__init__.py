@@ -23,7 +23,7 @@ except ImportError as error:  # pragma: no cover
         'rodgym.remote needs pyzmq and msgpack: pip install "rodgym[remote]"'
     ) from error
 
-from rodgym.remote.connection import Address
+from rodgym.remote.address import Address
 from rodgym.remote.envs import RemoteEnv, RemoteVectorEnv
 from rodgym.remote.errors import (
     AuthenticationError,
@@ -34,6 +34,7 @@ from rodgym.remote.errors import (
     VersionError,
 )
 from rodgym.remote.ping import ping
+from rodgym.remote.server import Server
 
 __all__ = [
     "Address",
@@ -43,6 +44,7 @@ __all__ = [
     "RemoteError",
     "RemoteTimeoutError",
     "RemoteVectorEnv",
+    "Server",
     "SessionLostError",
     "VersionError",
     "connect",

@@ -11,12 +11,12 @@ import os
 import random
 import secrets
 import time
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import zmq
 from zmq.utils.monitor import parse_monitor_message
 
+from rodgym.remote.address import Address
 from rodgym.remote.errors import (
     AuthenticationError,
     LimitError,
@@ -31,6 +31,8 @@ from rodgym.remote.wire import Arrays, Reply, pack, unpack
 
 #: Time for one attempt before the socket is opened anew; doubles up to the second [s].
 ATTEMPT_SECONDS = (2.0, 8.0)
+#: Time for the first connection where nothing listens: a server may just be starting [s].
+NOBODY_SECONDS = 5.0
 #: Pause before a request is sent again over a connection that broke; doubles up to the second [s].
 PAUSE_SECONDS = (0.01, 0.5)
 #: Time between looks at what happened on the wire, and the precision of a deadline [ms].
@@ -64,22 +66,25 @@ _EVENTS: dict[int, str] = {
 _BROKEN = (zmq.EVENT_DISCONNECTED, zmq.EVENT_CLOSED)
 
 
-@dataclass(frozen=True)
-class Address:
-    """Where a server is and how to reach it."""
+class Wire(NamedTuple):
+    """A socket and where it tells its events."""
 
-    #: `tcp://host:port` or `ipc://path`.
-    server: str
-    #: Directory with our `secret.key`; None: without encryption.
-    keys: str | None = None
-    #: The server's public key or the path of its `public.key`.
-    server_key: str | None = None
-    #: Most time for one request, retries included [s].
-    timeout: float = 60.0
+    socket: zmq.Socket[bytes]
+    monitor: zmq.Socket[bytes]
+
+    def close(self) -> None:
+        """Closes both; may be called again after an interrupt.
+
+        In this order: libzmq waits for ever to tell an event that nobody is there to read.
+        """
+        if not self.socket.closed:
+            self.socket.monitor(None, 0)
+            self.socket.close()
+        self.monitor.close()
 
 
 class Connection:
-    """Requests and replies over one socket; not for use by two threads at a time."""
+    """Requests and replies over one socket; for one thread at a time, except `stop`."""
 
     def __init__(self, address: Address) -> None:
         self.address = address
@@ -94,9 +99,32 @@ class Connection:
         elif address.keys is not None or address.server_key is not None:
             raise AuthenticationError("keys and server_key belong together: one alone is no use")
         self._last_event = "not connected yet"
+        #: Whether something ever listened there.
+        self._reached = False
+        self._stopped = False
         self._pid = os.getpid()
-        self._socket: zmq.Socket[bytes] | None = None
-        self._monitor: zmq.Socket[bytes] | None = None
+        #: The socket between two requests. Whoever uses it takes it out and puts it back only when
+        #: a whole reply was read: after anything else, an interrupt at any byte included, it is
+        #: not used again.
+        self._wire: Wire | None = None
+        #: All that are not closed yet: an interrupt of their closing is made good by the next one.
+        self._open_wires: list[Wire] = []
+
+    @property
+    def is_ours(self) -> bool:
+        """Whether this process made it: sockets do not survive a fork."""
+        return os.getpid() == self._pid
+
+    def check_process(self) -> None:
+        """Refuses what a fork left unusable.
+
+        Raises:
+            RemoteError: another process made this connection.
+        """
+        if not self.is_ours:
+            raise RemoteError(
+                "this connection belongs to another process: connect again after a fork"
+            )
 
     def request(
         self,
@@ -113,66 +141,118 @@ class Connection:
             RemoteTimeoutError: no answer within the deadline.
             RemoteError: the server's refusal, by its code's class.
         """
-        if os.getpid() != self._pid:
-            raise RemoteError(
-                "this connection belongs to another process: connect again after a fork"
-            )
+        reply = self.exchange(op, sid=sid, seq=seq, p=p, arrays=arrays)
+        if not reply.ok:
+            raise refusal(reply)
+        return reply
+
+    def exchange(
+        self,
+        op: str,
+        *,
+        sid: str | None = None,
+        seq: int | None = None,
+        p: dict[str, Any] | None = None,
+        arrays: Arrays | None = None,
+    ) -> Reply:
+        """As `request`, but a refusal is returned."""
+        self.check_process()
         rid = next(self._rids)
         frames = pack(op, rid, sid, seq, p or {}, arrays or {})
-        deadline = time.monotonic() + self.address.timeout
+        began = time.monotonic()
+        deadline = began + self.address.timeout
         attempt, pause = ATTEMPT_SECONDS[0], PAUSE_SECONDS[0]
         while True:
-            reply = self._attempt(frames, rid, min(deadline, time.monotonic() + attempt))
+            until = min(deadline, time.monotonic() + attempt)
+            if not self._reached:
+                until = min(until, began + NOBODY_SECONDS)
+            reply = self._attempt(frames, rid, until)
             if reply is not None:
                 self.epoch = reply.epoch
-                if reply.ok:
-                    return reply
                 wait = self._busy(reply, deadline)
                 if wait is None:
-                    raise _refusal(reply)
+                    return reply
                 time.sleep(wait)
                 continue
-            if time.monotonic() >= deadline:
-                self._close_socket()
-                raise self._timeout(op)
-            # The socket's queues may hold anything by now: a new one starts empty.
-            self._close_socket()
+            now = time.monotonic()
+            nobody = not self._reached and self._last_event == _EVENTS[zmq.EVENT_CLOSED]
+            if now >= deadline or (nobody and now >= began + NOBODY_SECONDS):
+                raise self._timeout(op, now - began)
             self.resent += 1
             attempt = min(2 * attempt, ATTEMPT_SECONDS[1])
-            time.sleep(min(pause * random.uniform(0.5, 1.0), max(0.0, deadline - time.monotonic())))
+            time.sleep(min(pause * random.uniform(0.5, 1.0), max(0.0, deadline - now)))
             pause = min(2 * pause, PAUSE_SECONDS[1])
 
-    def send_last(self, op: str, sid: str) -> None:
-        """Sends a request whose outcome no longer matters; waits 1 s at most."""
-        if self._socket is not None and os.getpid() == self._pid:
-            rid = next(self._rids)
-            self._attempt(pack(op, rid, sid, None, {}, {}), rid, time.monotonic() + 1.0)
+    def stop(self) -> None:
+        """Ends the request that another thread waits for, and refuses all that follow."""
+        self._stopped = True
+
+    def finish(self, op: str, sids: list[str]) -> None:
+        """Sends last requests, whose outcome no longer matters, and closes; waits 1 s at most."""
+        until = time.monotonic() + 1.0
+        self._stopped = False
+        try:
+            for sid in sids:
+                rid = next(self._rids)
+                if self._attempt(pack(op, rid, sid, None, {}, {}), rid, until) is None:
+                    break
+        finally:
+            self._stopped = True
+            self.close()
 
     def close(self) -> None:
-        """Closes the socket; a later request opens it again."""
-        self._close_socket()
+        """Closes the socket; a later request opens another."""
+        self._wire = None
+        if self.is_ours:
+            self._sweep()
+
+    @property
+    def _socket(self) -> zmq.Socket[bytes] | None:
+        """The socket between two requests."""
+        return None if self._wire is None else self._wire.socket
 
     def _attempt(self, frames: list[Any], rid: int, until: float) -> Reply | None:
         """One sending; None if no reply came or the connection broke."""
-        socket = self._socket or self._open()
+        wire, self._wire = self._wire or self._connect(), None
+        try:
+            reply = self._converse(wire, frames, rid, until)
+            if reply is not None:
+                self._wire = wire
+            else:
+                # The socket's queues may hold anything by now: a new one starts empty.
+                self._read_events(wire)
+        finally:
+            if self._wire is None:
+                self._sweep()
+        return reply
+
+    def _converse(self, wire: Wire, frames: list[Any], rid: int, until: float) -> Reply | None:
+        socket = wire.socket
         try:
             socket.send_multipart(frames, zmq.DONTWAIT)
         except zmq.Again:
             return None
         while time.monotonic() < until:
+            if self._stopped:
+                raise RemoteError("this environment was closed", "closed")
             try:
                 reply = unpack(socket.recv_multipart())
             except zmq.Again:
-                if self._read_events():
+                if self._read_events(wire):
                     return None
                 continue
+            self._reached = True
             # Zero: the server could not read our number. Others answer requests we gave up.
             if reply.rid in (rid, 0):
                 return reply
         return None
 
-    def _open(self) -> zmq.Socket[bytes]:
-        socket: zmq.Socket[bytes] = zmq.Context.instance().socket(zmq.DEALER)
+    def _connect(self) -> Wire:
+        self._sweep()
+        context: zmq.Context[zmq.Socket[bytes]] = zmq.Context.instance()
+        wire = Wire(context.socket(zmq.DEALER), context.socket(zmq.PAIR))
+        self._open_wires.append(wire)
+        socket = wire.socket
         socket.linger = 0
         socket.rcvtimeo = EVENTS_MILLISECONDS
         socket.sndhwm = socket.rcvhwm = 64
@@ -182,26 +262,27 @@ class Connection:
         socket.ipv6 = True
         if self._curve is not None:
             socket.curve_publickey, socket.curve_secretkey, socket.curve_serverkey = self._curve
-        monitor = socket.get_monitor_socket()
+        events = f"inproc://rodgym-{secrets.token_hex(8)}"
+        wire.monitor.connect(events)
+        socket.monitor(events, zmq.EVENT_ALL)
         try:
             socket.connect(self.address.server)
         except zmq.ZMQError as error:
-            _close(socket, monitor)
             raise RemoteError(f"{self.address.server!r} is not an address: {error}") from error
-        self._socket, self._monitor = socket, monitor
-        return socket
+        return wire
 
-    def _close_socket(self) -> None:
-        if self._socket is not None and os.getpid() == self._pid:
-            self._read_events()
-            _close(self._socket, self._monitor)
-        self._socket = self._monitor = None
+    def _sweep(self) -> None:
+        """Closes all sockets but the one that waits for the next request."""
+        for wire in list(self._open_wires):
+            if wire is not self._wire:
+                wire.close()
+                self._open_wires.remove(wire)
 
-    def _read_events(self) -> bool:
+    def _read_events(self, wire: Wire) -> bool:
         """Notes what happened on the wire; True if an established connection broke."""
         broken = False
-        while self._monitor is not None and self._monitor.poll(0):
-            event = parse_monitor_message(self._monitor.recv_multipart())["event"]
+        while wire.monitor.poll(0):
+            event = parse_monitor_message(wire.monitor.recv_multipart())["event"]
             if event == zmq.EVENT_HANDSHAKE_FAILED_AUTH:
                 self._last_event = _EVENTS[event]
                 raise AuthenticationError(
@@ -210,6 +291,7 @@ class Connection:
                     "denied",
                 )
             broken |= event == zmq.EVENT_DISCONNECTED
+            self._reached |= event == zmq.EVENT_CONNECTED
             # A closed attempt says less than the failure before it.
             failed = self._last_event.startswith("the handshake failed")
             if event in _EVENTS and not (failed and event in (*_BROKEN, zmq.EVENT_CONNECT_RETRIED)):
@@ -222,29 +304,25 @@ class Connection:
         A draining server's successor may come to the same address.
         """
         error = reply.err or {}
-        if error.get("code") not in ("busy", "draining"):
+        if reply.ok or error.get("code") not in ("busy", "draining"):
             return None
-        wait = float(error.get("after_ms") or 20) / 1000 * random.uniform(1.0, 1.5)
+        after = error.get("after_ms")
+        wait = (after if isinstance(after, int) and 0 < after < 60_000 else 20) / 1000
+        wait *= random.uniform(1.0, 1.5)
         return wait if time.monotonic() + wait < deadline else None
 
-    def _timeout(self, op: str) -> RemoteTimeoutError:
+    def _timeout(self, op: str, seconds: float) -> RemoteTimeoutError:
         mechanism = "CURVE" if self._curve else "no encryption"
         return RemoteTimeoutError(
-            f"'{op}' was not answered within {self.address.timeout:g} s by {self.address.server} "
+            f"'{op}' was not answered within {seconds:.3g} s by {self.address.server} "
             f"({mechanism}); last seen: {self._last_event}",
             "timeout",
             "same",
         )
 
 
-def _close(socket: zmq.Socket[bytes], monitor: zmq.Socket[bytes] | None) -> None:
-    socket.disable_monitor()
-    if monitor is not None:
-        monitor.close()
-    socket.close()
-
-
-def _refusal(reply: Reply) -> Exception:
+def refusal(reply: Reply) -> Exception:
+    """What the server refused, by its code's class."""
     error = reply.err or {}
     code = str(error.get("code", "unknown"))
     message = str(error.get("msg", "the server gave no reason"))

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from rodgym.remote.connection import Address, Connection
+from rodgym.remote.address import Address
+from rodgym.remote.connection import Connection
 from rodgym.remote.errors import VersionError
-from rodgym.remote.wire import VERSION
+from rodgym.remote.wire import VERSION, reading
 
 
 def ping(
@@ -21,11 +22,15 @@ def ping(
     connection = Connection(Address(server, keys, server_key, timeout))
     try:
         about = connection.request("hello", p={"versions": [VERSION, VERSION]}).p
-        low, high = about["versions"]
-        if not low <= VERSION <= high:
+        with reading():
+            low, high = about["versions"]
+            spoken = low <= VERSION <= high
+        if not spoken:
             raise VersionError(
                 f"the server speaks {low} to {high}, this client {VERSION}", "version"
             )
-        return {**about, "epoch": connection.epoch, "ids": connection.request("list").p["ids"]}
+        ids = connection.request("list").p
+        with reading():
+            return {**about, "epoch": connection.epoch, "ids": ids["ids"]}
     finally:
         connection.close()

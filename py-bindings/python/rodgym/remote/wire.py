@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import msgpack
@@ -31,6 +33,44 @@ class Reply(NamedTuple):
     #: Read-only views of the frames.
     arrays: Arrays
     p: dict[str, Any]
+
+    def array(self, name: str, dtype: str, *shape: int | None) -> npt.NDArray[Any]:
+        """The array of this name; a None in the shape fits any size.
+
+        Raises:
+            RemoteError: it is missing or another one.
+        """
+        array = self.arrays.get(name)
+        if array is None:
+            raise damaged(f"it has no array {name!r}")
+        fits = len(shape) == array.ndim and all(
+            expected in (None, size) for expected, size in zip(shape, array.shape, strict=True)
+        )
+        if array.dtype != _DTYPES[dtype] or not fits:
+            raise damaged(f"{name!r} has type {array.dtype} and shape {array.shape}")
+        return array
+
+    def maybe(self, name: str, dtype: str, *shape: int | None) -> npt.NDArray[Any] | None:
+        """The array of this name; None where the reply has none."""
+        return self.array(name, dtype, *shape) if name in self.arrays else None
+
+
+def damaged(what: object) -> RemoteError:
+    """The error for a reply that is none."""
+    return RemoteError(f"the server's reply cannot be read: {what}", "bad_reply", "same")
+
+
+@contextlib.contextmanager
+def reading() -> Iterator[None]:
+    """Whatever taking a reply apart stumbles over is the reply's fault.
+
+    Raises:
+        RemoteError: something is missing, or of another type.
+    """
+    try:
+        yield
+    except (LookupError, ValueError, TypeError, AttributeError, OverflowError) as error:
+        raise damaged(repr(error)) from error
 
 
 def pack(
@@ -63,10 +103,15 @@ def unpack(frames: list[bytes]) -> Reply:
     """
     try:
         header = msgpack.unpackb(frames[0])
+    except (ValueError, TypeError, msgpack.UnpackException) as error:
+        raise damaged(repr(error)) from error
+    with reading():
         arrays = {}
         for (name, dtype, shape), frame in zip(header.get("arr", ()), frames[1:], strict=True):
+            if any(not isinstance(size, int) or size < 0 for size in shape):
+                raise ValueError(f"shape {shape!r}")
             arrays[name] = np.frombuffer(frame, _DTYPES[dtype]).reshape(shape)
-        return Reply(
+        reply = Reply(
             header["rid"],
             header["ok"],
             header.get("seq"),
@@ -75,5 +120,8 @@ def unpack(frames: list[bytes]) -> Reply:
             arrays,
             header.get("p", {}),
         )
-    except (KeyError, ValueError, TypeError, AttributeError, msgpack.UnpackException) as error:
-        raise RemoteError(f"the server's reply cannot be read: {error!r}", "bad_reply") from error
+        kinds = (int, bool, int | None, str, dict | None, dict, dict)
+        for name, value, kind in zip(Reply._fields, reply, kinds, strict=True):
+            if not isinstance(value, kind):
+                raise TypeError(f"{name} = {value!r}")
+    return reply

@@ -12,8 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import rodgym
+from rodgym.zoo import ZOO, zoo_policy
 
-ZOO = Path(__file__).parent.parent / "zoo"
+__all__ = ["ZOO", "Recipe", "RecipeError", "has_recipe", "load_recipe", "zoo_policy"]
+
 ALGORITHMS = ("PPO", "SAC", "TD3", "DDPG", "A2C")
 #: Observations that a policy may see at once.
 MAX_FRAMES = 1000
@@ -167,9 +169,3 @@ def _entries(path: Path) -> dict[str, Any]:
     if not isinstance(entries, dict):
         raise RecipeError(f"{path} holds no entries 'ENV_ID: {{...}}'")
     return entries
-
-
-def zoo_policy(env_id: str) -> Path | None:
-    """File of the trained policy for an environment that comes with rodgym, if there is one."""
-    path = ZOO / f"{env_id.rpartition('/')[2]}.zip"
-    return path if path.is_file() else None

@@ -1,0 +1,15 @@
+"""What comes with rodgym: recipes of trainings, by algorithm, and trained policies, by
+environment.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+ZOO = Path(__file__).parent
+
+
+def zoo_policy(env_id: str) -> Path | None:
+    """File of the trained policy for an environment that comes with rodgym, if there is one."""
+    path = ZOO / f"{env_id.rpartition('/')[2]}.zip"
+    return path if path.is_file() else None
