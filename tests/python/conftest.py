@@ -15,9 +15,15 @@ os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 SWING_UP = "rodgym/PendulumSwingUp-v0"
 BALANCE = "rodgym/PendulumBalance-v0"
 BASE = "rodgym/PendulumSwingUpBase-v0"
-PENDULUMS = (SWING_UP, BALANCE, BASE)
 
-FINS = tuple(env_id for env_id in rodgym.ENVIRONMENTS if "/Fin" in env_id)
+
+def ids_of(machine: str) -> tuple[str, ...]:
+    """Every id of a machine, by the catalogue."""
+    return tuple(i for i, entry in rodgym.ENVIRONMENTS.items() if entry.machine == machine)
+
+
+PENDULUMS = ids_of("pendulum")
+FINS = ids_of("fin")
 
 #: Draws parameters, noise and starts, so that every random stream is in play.
 RANDOM = {

@@ -53,8 +53,9 @@ def test_scores_of_a_made_up_episode() -> None:
     height[::2, 2] = 1.0
     alive = np.ones((100, 3), bool)
     alive[60:, 1] = False
+    spec = {"machine": "pendulum", "task": "swing_up", "control_dt": 0.01}
     played = Trajectories(
-        control_dt=0.01,
+        spec=spec,
         alive=alive,
         rewards=np.ones((100, 3)),
         actions=np.zeros((100, 3, 1), np.float32),
@@ -77,7 +78,7 @@ def test_scores_of_a_made_up_episode() -> None:
         for key, value in played.metrics.items()
     }
     stood = Trajectories(
-        control_dt=0.01,
+        spec=spec,
         alive=np.concatenate([alive, alive[-1:].repeat(100, 0)]),
         rewards=np.ones((200, 3)),
         actions=np.zeros((200, 3, 1), np.float32),

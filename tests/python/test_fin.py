@@ -12,7 +12,7 @@ import rodgym
 from rodgym.baselines import Gait, Lqr
 from rodgym.errors import ParameterError, ShapeError
 from rodgym.evaluation import evaluate, record
-from rodgym.report import gaits
+from rodgym.machines import gaits
 
 THRUST = "rodgym/FinThrust-v0"
 TABLE = Path(__file__).parents[1] / "data" / "fin" / "flex_grid_ilm.csv"

@@ -18,10 +18,8 @@ import rodgym
 from gymnasium.wrappers import AddRenderObservation, HumanRendering, RenderCollection
 
 #: Every environment, with width and height of its picture.
-USUAL_SIZE = {
-    env_id: (800, 450) if env_id.startswith("rodgym/Fin") else (480, 480)
-    for env_id in rodgym.ENVIRONMENTS
-}
+SIZES = {"pendulum": (480, 480), "fin": (800, 450)}
+USUAL_SIZE = {env_id: SIZES[entry.machine] for env_id, entry in rodgym.ENVIRONMENTS.items()}
 SWING_UP = "rodgym/PendulumSwingUp-v0"
 
 

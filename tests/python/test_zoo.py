@@ -3,14 +3,13 @@
 from pathlib import Path
 
 import pytest
-import rodgym
+from conftest import PENDULUMS
 from rodgym.cli import main
 from rodgym.evaluation import evaluate
 from rodgym.evaluation.policies import read_card
 from rodgym.training.recipe import ZOO, RecipeError, load_recipe, zoo_policy
 
 POLICIES = sorted(ZOO.glob("*.zip"))
-PENDULUMS = [name for name in rodgym.ENVIRONMENTS if "Pendulum" in name]
 
 
 @pytest.mark.parametrize("path", POLICIES, ids=lambda path: path.stem)

@@ -16,7 +16,9 @@ from rodgym.errors import RodgymError
 
 __all__ = ["ENVIRONMENTS", "RodgymError", "__version__"]
 
-_SUBMODULES = frozenset({"baselines", "envs", "errors", "ray", "remote", "sb3", "sim", "vector"})
+_SUBMODULES = frozenset(
+    {"baselines", "envs", "errors", "machines", "ray", "remote", "sb3", "sim", "vector"}
+)
 
 register_all()
 

@@ -10,12 +10,12 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium.spaces import Box
 
-from rodgym import _native
+from rodgym import _native, machines
 from rodgym._checks import refused, snapshot, whole
 
 if TYPE_CHECKING:
     from rodgym.backend import Batch
-    from rodgym.sim import Fin, Pendulum
+    from rodgym.sim import Simulation
 
 Array = npt.NDArray[np.float64]
 Frame = npt.NDArray[np.uint8]
@@ -127,42 +127,29 @@ class Machine:
         return float(self._batch.spec["physics_dt"])
 
     @property
-    def fin(self) -> Fin:
-        """A copy of the fin as it is now; stepping it leaves the environment alone.
-
-        Raises:
-            AttributeError: the environment has a pendulum.
+    def simulation(self) -> Simulation:
+        """A copy of the machine as it is now, `rodgym.sim`; stepping it leaves the environment
+        alone. Each machine has a word for it too: `.rod` of a pendulum, `.fin` of a fin.
         """
-        from rodgym.sim import Fin
+        simulation: type[Simulation] = machines.load(machines.of(self.core_spec).simulation)
+        return simulation.of(self)
 
-        self._needs("fin")
-        return Fin.of(self)
-
-    @property
-    def rod(self) -> Pendulum:
-        """A copy of the pendulum as it is now; stepping it leaves the environment alone.
-
-        Raises:
-            AttributeError: the environment has a fin.
-        """
-        from rodgym.sim import Pendulum
-
-        self._needs("pendulum")
-        return Pendulum.of(self)
-
-    @property
-    def kind(self) -> str:
-        """Which machine it is: `"pendulum"` or `"fin"`."""
-        return str(self._batch.spec["machine"])
+    def __getattr__(self, name: str) -> Any:
+        """`simulation` by the machine's own word; another machine's word says what is here."""
+        for about in machines.known():
+            if name == about.word:
+                mine = machines.of(self.core_spec)
+                if about is mine:
+                    return self.simulation
+                raise AttributeError(
+                    f"this environment has a {mine.machine}, not a {about.machine}: "
+                    f"see `.{mine.word}`"
+                )
+        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
     def _simulation(self) -> _native.Simulation:
         """An exact copy of what runs, as the core has it."""
         return self._batch.simulation(self._index)
-
-    def _needs(self, kind: str) -> None:
-        if self.kind != kind:
-            mine = {"fin": "fin", "pendulum": "rod"}[self.kind]
-            raise AttributeError(f"this environment has a {self.kind}, not a {kind}: see `.{mine}`")
 
     def scene(self) -> dict[str, Any]:
         """What there is to draw: nodes, thickness, curvature, action, time, named values."""

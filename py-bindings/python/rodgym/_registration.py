@@ -1,4 +1,4 @@
-"""The table of environments, and their registration with Gymnasium."""
+"""The catalogue's environments in Python, and their registration with Gymnasium."""
 
 from __future__ import annotations
 
@@ -6,42 +6,47 @@ from dataclasses import dataclass
 
 import gymnasium as gym
 
+from rodgym import _native, machines
+
 
 @dataclass(frozen=True)
 class Entry:
-    """What Gymnasium is told of one environment."""
+    """What the core's catalogue says of one environment."""
 
-    entry_point: str
+    id: str
+    machine: str
+    task: str
     max_episode_steps: int
     #: Return at which the task counts as solved; None where no single number says so.
     reward_threshold: float | None = None
 
+    @property
+    def entry_point(self) -> str:
+        """Class of a single environment, `module:name`."""
+        return machines.of({"machine": self.machine}).environment
 
-ENVIRONMENTS: dict[str, Entry] = {
-    "rodgym/PendulumSwingUp-v0": Entry("rodgym.envs:PendulumEnv", 500, 400.0),
-    "rodgym/PendulumBalance-v0": Entry("rodgym.envs:PendulumEnv", 1000, 950.0),
-    "rodgym/PendulumSwingUpBase-v0": Entry("rodgym.envs:PendulumEnv", 500, 400.0),
-    "rodgym/FinThrust-v0": Entry("rodgym.envs:FinEnv", 200),
-    "rodgym/FinEfficiency-v0": Entry("rodgym.envs:FinEnv", 200),
-    "rodgym/FinSwim-v0": Entry("rodgym.envs:FinEnv", 250),
-}
 
+#: Every row of the catalogue, by id.
+ENVIRONMENTS: dict[str, Entry] = {}
 
 #: Any environment of a server; needs `server=` and `env_id=`.
 REMOTE = "rodgym/Remote-v0"
 
 
 def register_all() -> None:
-    """Registers every environment of the table, once."""
-    for env_id, entry in ENVIRONMENTS.items():
-        if env_id not in gym.registry:
+    """Registers every row of the catalogue; again, where its machine has been described since."""
+    for row in _native.catalog():
+        entry = ENVIRONMENTS[row["id"]] = Entry(**row)
+        known = gym.registry.get(entry.id)
+        if known is None or known.entry_point != entry.entry_point:
+            gym.registry.pop(entry.id, None)
             gym.register(
-                id=env_id,
+                id=entry.id,
                 entry_point=entry.entry_point,
                 vector_entry_point="rodgym.vector:RodVectorEnv",
                 max_episode_steps=entry.max_episode_steps,
                 reward_threshold=entry.reward_threshold,
-                kwargs={"env_id": env_id},
+                kwargs={"env_id": entry.id},
             )
     if REMOTE not in gym.registry:
         # Everything about it is the server's to tell: its address and `env_id` are arguments.

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from rodgym import _native
+from rodgym import _native, machines
 from rodgym._checks import numbers, refused
 from rodgym.errors import ParameterError, ShapeError
 
@@ -17,20 +17,8 @@ Self = TypeVar("Self", bound="Controller")
 
 
 def describe(env: Any) -> dict[str, Any]:
-    """What the core says of an environment (`core_spec`), however it is wrapped.
-
-    Takes an environment of rodgym, a vector environment or a Stable-Baselines3 `VecEnv`, with
-    wrappers that leave the observation as it is.
-    """
-    base = getattr(env, "unwrapped", env)
-    spec = getattr(base, "core_spec", None)
-    if spec is None:
-        for name in ("get_attr", "call"):
-            if hasattr(env, name):
-                spec = getattr(env, name)("core_spec")[0]
-                break
-    if not isinstance(spec, dict):
-        raise refused("env", env, "an environment of rodgym")
+    """The `core_spec` of an environment, whose wrappers must leave the observation as it is."""
+    spec = machines.spec_of(env)
     space = getattr(env, "single_observation_space", None) or env.observation_space
     if space.shape != (len(spec["observation"]["names"]),):
         raise ParameterError(
@@ -48,6 +36,8 @@ class Controller:
 
     #: Name in `CONTROLLERS`, set by each law.
     name: ClassVar[str]
+    #: What tables call it; empty: its name.
+    title: ClassVar[str] = ""
 
     def __init__(self, spec: dict[str, Any]) -> None:
         """Designs the law for an environment's `core_spec` (see `for_env`)."""
@@ -126,6 +116,7 @@ class Lqr(Controller):
     """
 
     name = "lqr"
+    title = "LQR"
 
 
 class HybridLqr(Controller):
@@ -135,6 +126,7 @@ class HybridLqr(Controller):
     """
 
     name = "lqr-hybrid"
+    title = "hybrid LQR"
 
 
 class Lqg(Controller):
@@ -145,6 +137,7 @@ class Lqg(Controller):
     """
 
     name = "lqg"
+    title = "LQG"
 
 
 class ThesisLqr(Controller):
@@ -155,12 +148,14 @@ class ThesisLqr(Controller):
     """
 
     name = "thesis-lqr"
+    title = "thesis LQR"
 
 
 class ThesisLqg(Controller):
     """The thesis' observer and gain with the torque held. Sees the base edge only."""
 
     name = "thesis-lqg"
+    title = "thesis LQG"
 
 
 class Gait(Controller):
@@ -172,6 +167,7 @@ class Gait(Controller):
     """
 
     name = "gait"
+    title = "best gait"
 
     @classmethod
     def for_env(cls, env: Any, waveform: str | None = None) -> Gait:
@@ -197,35 +193,47 @@ class SineGait(Gait):
     """A sinusoid."""
 
     name = "gait-sine"
+    title = "sine"
 
 
 class SquareGait(Gait):
     """A squared sine, tanh(2 sin) / tanh 2: it lingers at its ends."""
 
     name = "gait-square"
+    title = "squared sine"
 
 
 class TriangleGait(Gait):
     """A triangle with slightly rounded corners: constant rate."""
 
     name = "gait-triangle"
+    title = "triangle"
 
 
-#: Controllers by the name that the command line uses.
-CONTROLLERS: dict[str, type[Controller]] = {
-    law.name: law
-    for law in (
-        Lqr,
-        HybridLqr,
-        Lqg,
-        ThesisLqr,
-        ThesisLqg,
-        Gait,
-        SineGait,
-        SquareGait,
-        TriangleGait,
-    )
-}
+#: Laws that have a class of their own; any other of the core is a plain `Controller`.
+_LAWS: tuple[type[Controller], ...] = (
+    Lqr,
+    HybridLqr,
+    Lqg,
+    ThesisLqr,
+    ThesisLqg,
+    Gait,
+    SineGait,
+    SquareGait,
+    TriangleGait,
+)
+
+
+def _controllers() -> dict[str, type[Controller]]:
+    laws = {law.name: law for law in _LAWS}
+    return {
+        name: laws.get(name) or type(name, (Controller,), {"name": name})
+        for name, _ in _native.controllers()
+    }
+
+
+#: Controllers by the name that the command line uses, in the order of the core's table.
+CONTROLLERS: dict[str, type[Controller]] = _controllers()
 
 
 def make(name: str, env: Any) -> Controller:

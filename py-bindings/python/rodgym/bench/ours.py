@@ -26,8 +26,7 @@ VARIANTS: tuple[tuple[str, str, dict[str, Any]], ...] = (
 def machines() -> list[tuple[str, str, dict[str, Any]]]:
     """Every environment with its default stepper, then the other steppers: name, id, keywords."""
     defaults: list[tuple[str, str, dict[str, Any]]] = [(short(i), i, {}) for i in ENVIRONMENTS]
-    others = [(f"{short(i)}, {what}", i, kwargs) for what, i, kwargs in VARIANTS]
-    return defaults + [entry for entry in others if entry[1] in ENVIRONMENTS]
+    return defaults + [(f"{short(i)}, {what}", i, kwargs) for what, i, kwargs in VARIANTS]
 
 
 def short(env_id: str) -> str:

@@ -106,9 +106,8 @@ def headline_cases() -> list[Case]:
         *ours.layer_cases(1024),
         ours.single(SINGLE, ours.SWING_UP, wrapped=False),
         ours.single(WRAPPED, ours.SWING_UP, wrapped=True),
+        ours.batch(FIN_CASE, ours.FIN, 1024),
     ]
-    if ours.FIN in ours.ENVIRONMENTS:
-        cases.append(ours.batch(FIN_CASE, ours.FIN, 1024))
     return [*cases, *peers()]
 
 

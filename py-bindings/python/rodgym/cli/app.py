@@ -116,6 +116,7 @@ EXTRAS = {
     "torch": "train",
     "rich": "train",
     "matplotlib": "train",
+    "jinja2": "train",
     "yaml": "train",
     "zmq": "remote",
     "msgpack": "remote",

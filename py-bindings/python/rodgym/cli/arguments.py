@@ -17,11 +17,9 @@ class UsageError(Exception):
 
 def env_id(text: str) -> str:
     """An environment's id; the namespace may be left out, and so may the version."""
-    import gymnasium as gym
+    from rodgym._registration import ENVIRONMENTS, REMOTE
 
-    import rodgym  # noqa: F401  registers the ids
-
-    known = sorted(name for name in gym.registry if name.startswith("rodgym/"))
+    known = sorted((*ENVIRONMENTS, REMOTE))
     for candidate in (text, f"rodgym/{text}", f"rodgym/{text}-v0"):
         if candidate in known:
             return candidate

@@ -5,21 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from rodgym.baselines import CONTROLLERS
 from rodgym.cli.arguments import env_keywords
 from rodgym.evaluation.policies import read_card
-
-#: How a table calls the classical controllers.
-TITLES = {
-    "lqr": "LQR",
-    "lqg": "LQG",
-    "lqr-hybrid": "hybrid LQR",
-    "thesis-lqr": "thesis LQR",
-    "thesis-lqg": "thesis LQG",
-    "gait": "best gait",
-    "gait-sine": "sine",
-    "gait-square": "squared sine",
-    "gait-triangle": "triangle",
-}
 
 
 def title(source: str) -> str:
@@ -27,7 +15,8 @@ def title(source: str) -> str:
     card = _card(source)
     if card:
         return str(card["algorithm"])
-    return TITLES.get(source, source)
+    law = CONTROLLERS.get(source)
+    return law.title or source if law else source
 
 
 def _card(source: str) -> dict[str, Any]:

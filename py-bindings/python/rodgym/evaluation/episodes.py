@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgym import _checks as checks
+from rodgym import machines
 from rodgym.evaluation.policies import Policy, check_policy, load_policy
 from rodgym.evaluation.score import Column, Trajectories, columns_for, score
 from rodgym.runs import write_csv
@@ -90,7 +91,7 @@ def evaluate(
             played = play(actor, env, turn, on_step and (lambda t, done=first: on_step(done, t)))
         finally:
             env.close()
-        described = columns_for(played.metrics)
+        described = columns_for(played.spec)
         parts.append(score(played))
     columns = {c.name: np.concatenate([part[c.name] for part in parts]) for c in described}
     return Evaluation(label, env_id, tuple(seeds), described, columns)
@@ -127,7 +128,7 @@ def play(
         if on_step:
             on_step(len(alive))
     return Trajectories(
-        control_dt=control_dt(env),
+        spec=machines.spec_of(env),
         alive=np.array(alive),
         rewards=np.array(rewards, np.float64),
         actions=np.array(actions),
@@ -147,10 +148,3 @@ def metric_names(info: Mapping[str, Any]) -> list[str]:
         and value.ndim == 1
         and value.dtype == np.float64
     ]
-
-
-def control_dt(env: gym.Env[Any, Any] | gym.vector.VectorEnv[Any, Any, Any]) -> float:
-    """Duration of a step [s]."""
-    if isinstance(env, gym.vector.VectorEnv):
-        return float(env.get_attr("control_dt")[0])  # type: ignore[attr-defined]
-    return float(env.get_wrapper_attr("control_dt"))

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import rodgym
+from rodgym import _native
 from rodgym.zoo import zoo_policy
 
 AnyEnv: TypeAlias = "gym.Env[Any, Any] | gym.vector.VectorEnv[Any, Any, Any]"
@@ -116,9 +117,7 @@ class Stacked:
 
 def controller_names() -> list[str]:
     """Names that :func:`load_policy` takes beside files."""
-    from rodgym import baselines
-
-    return [*baselines.CONTROLLERS, "random", "zero"]
+    return [*(name for name, _ in _native.controllers()), "random", "zero"]
 
 
 def load_policy(source: str, env: AnyEnv) -> Policy:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgym import _checks as checks
-from rodgym.evaluation.episodes import control_dt
+from rodgym import machines
 from rodgym.evaluation.policies import Policy, check_policy, load_policy
 
 
@@ -19,14 +19,15 @@ from rodgym.evaluation.policies import Policy, check_policy, load_policy
 class Record:
     """An episode of T steps of one policy.
 
-    ``time`` (T,) [s] is that at the end of each step; ``angles`` (T, edges) [rad] are those of
-    :func:`edge_angles`, whatever the policy sees (a fin's: from downstream);
-    ``metrics`` are (T,) each; ``frames`` are pictures, ``frame_dt`` apart, the first one of the
-    start.
+    ``spec`` is what the core says of the environment; ``time`` (T,) [s] is that at the end of each
+    step; ``angles`` (T, edges) [rad] are those of :func:`edge_angles` from the machine's rest,
+    whatever the policy sees; ``metrics`` are (T,) each; ``frames`` are pictures, ``frame_dt``
+    apart, the first one of the start.
     """
 
     policy: str
     seed: int
+    spec: Mapping[str, Any]
     time: NDArray[np.float64]
     rewards: NDArray[np.float64]
     actions: NDArray[np.float32]
@@ -76,7 +77,8 @@ def _record(
     frame_rate: float,
     max_seconds: float,
 ) -> Record:
-    dt = control_dt(env)
+    spec = machines.spec_of(env)
+    dt = float(spec["control_dt"])
     every = max(1, round(1 / (frame_rate * dt))) if frame_rate else 0
     observation, _ = env.reset(seed=seed)
     frames = [np.asarray(env.render())] if every else []
@@ -100,15 +102,14 @@ def _record(
                 metrics.setdefault(key, []).append(value)
         if every and len(rewards) % every == 0:
             frames.append(np.asarray(env.render()))
-    # A fin at rest lies along x.
-    rest = np.pi / 2 if "pitch" in metrics else 0.0
     return Record(
         policy=name,
         seed=seed,
+        spec=spec,
         time=dt * np.arange(1, len(rewards) + 1, dtype=np.float64),
         rewards=np.array(rewards),
         actions=np.array(actions),
-        angles=np.array(angles) - rest,
+        angles=np.array(angles) - machines.of(spec).rest_angle,
         metrics={key: np.array(values) for key, values in metrics.items()},
         frames=frames,
         frame_dt=every * dt,

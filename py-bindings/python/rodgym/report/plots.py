@@ -10,20 +10,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter
 
+from rodgym import machines
 from rodgym.evaluation import Evaluation, Record
+from rodgym.machines import Description
 from rodgym.report.style import COLOURS, FAINT, GRID, INK, level, styled
-
-#: Traces of an episode, where the machine reports them: metric, axis label, factor to its unit.
-TRACES = (
-    ("torque", "torque [mN m]", 1e3),
-    ("tip_height", "tip height / L", 1.0),
-    ("pitch", "pitch [rad]", 1.0),
-    ("thrust", "thrust [mN]", 1e3),
-    ("power", "power [mW]", 1e3),
-    ("hull_speed", "hull speed [mm/s]", 1e3),
-)
-#: Seconds of a fin's episode that are drawn.
-FIN_SECONDS = 3.0
 
 
 def learning_curve(
@@ -84,11 +74,12 @@ def _wall_time_axis(axes: Axes, steps: np.ndarray, seconds: np.ndarray) -> None:
 
 
 def episodes(path: Path, records: Sequence[Record]) -> None:
-    """Angles of all edges, then action and machine traces; one column a policy, one seed.
-
-    A fin beats too fast for whole episodes: its first seconds are shown.
+    """Angles of all edges, then the machine's traces or else the action; one column a policy, one
+    seed.
     """
-    shown = [trace for trace in TRACES if all(trace[0] in r.metrics for r in records)]
+    spec = records[0].spec
+    about = machines.of(spec)
+    shown = about.traces_of(spec["task"])
     rows = 1 + max(1, len(shown))
     with styled():
         figure, grid = plt.subplots(
@@ -102,46 +93,45 @@ def episodes(path: Path, records: Sequence[Record]) -> None:
         )
         for i, record in enumerate(records):
             colour = COLOURS[i % len(COLOURS)]
-            _angles(grid[0, i], record)
+            _angles(grid[0, i], record, about)
             grid[0, i].set_title(record.policy, color=colour)
-            for axes, (key, _, factor) in zip(grid[1:, i], shown, strict=False):
-                axes.plot(record.time, factor * record.metrics[key], color=colour, lw=1.4)
+            for axes, trace in zip(grid[1:, i], shown, strict=False):
+                values = trace.factor * record.metrics[trace.metric]
+                axes.plot(record.time, values, color=colour, lw=1.4)
             if not shown:
                 grid[1, i].plot(record.time, record.actions[:, 0], color=colour, lw=1.4)
             grid[-1, i].set_xlabel("time [s]")
-            if "pitch" in record.metrics:
-                grid[-1, i].set_xlim(0.0, min(FIN_SECONDS, record.time[-1]))
+            if about.seconds is not None:
+                grid[-1, i].set_xlim(0.0, min(about.seconds, record.time[-1]))
         grid[0, 0].set_ylabel("edge angles [deg]")
-        for axes, (_, label, _) in zip(grid[1:, 0], shown, strict=False):
-            axes.set_ylabel(label)
+        for axes, trace in zip(grid[1:, 0], shown, strict=False):
+            axes.set_ylabel(trace.label)
         if not shown:
             grid[1, 0].set_ylabel("action")
         figure.savefig(path)
         plt.close(figure)
 
 
-def _angles(axes: Axes, record: Record) -> None:
-    """Every edge's angle, dark at base or nose and light at tip or tail, with up as a line."""
+def _angles(axes: Axes, record: Record, about: Description) -> None:
+    """Every edge's angle, dark at the first and light at the last, with named angles as lines."""
     # Angles are known up to whole turns: follow each through the episode without jumps.
     angles = np.degrees(np.unwrap(record.angles, axis=0))
-    shades = plt.colormaps["viridis"](np.linspace(0.0, 0.85, max(angles.shape[1], 1)))
-    for edge in range(angles.shape[1]):
-        ends = (
-            ("nose edge", "tail edge") if "pitch" in record.metrics else ("base edge", "tip edge")
-        )
-        label = {0: ends[0], angles.shape[1] - 1: ends[1]}.get(edge)
+    edges = angles.shape[1]
+    shades = plt.colormaps["viridis"](np.linspace(0.0, 0.85, max(edges, 1)))
+    names = {0: f"{about.ends[0]} edge", edges - 1: f"{about.ends[1]} edge"}
+    for edge in range(edges):
+        label = names.get(edge)
         axes.plot(record.time, angles[:, edge], color=shades[edge], lw=1.2, label=label)
-    if angles.size and np.abs(angles).max() > 150:
-        for turn in (-180, 180):
-            if angles.min() - 60 < turn < angles.max() + 60:
-                axes.axhline(turn, color=FAINT, lw=1, ls=(0, (5, 3)))
-                axes.annotate("up", (record.time[0], turn), color=FAINT, va="bottom", fontsize=9)
+    for angle, name in about.named_angles.items():
+        if angles.size and angles.min() - 30 < angle < angles.max() + 30:
+            axes.axhline(angle, color=FAINT, lw=1, ls=(0, (5, 3)))
+            axes.annotate(name, (record.time[0], angle), color=FAINT, va="bottom", fontsize=9)
     axes.legend(loc="best", fontsize=8)
 
 
 def distributions(path: Path, evaluations: Sequence[Evaluation]) -> None:
     """Each episode as a dot, each measure in its own panel, means as bars."""
-    described = [c for c in evaluations[0].described if c.better and c.name != "upright"]
+    described = [c for c in evaluations[0].described if c.better and not c.success]
     rng = np.random.default_rng(0)
     # Room for the names below the dots.
     wide = max(2.6, 0.11 * sum(2 + len(e.policy) for e in evaluations))

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import matplotlib
-from matplotlib.axes import Axes
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 #: In the order in which policies are drawn: blue, vermilion, green, purple, orange, sky.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
@@ -41,6 +41,8 @@ _SETTINGS: Any = {
 @contextmanager
 def styled() -> Iterator[None]:
     """Inside, figures have the project's looks and need no display."""
+    import matplotlib
+
     matplotlib.use("agg", force=False)
     with matplotlib.rc_context(_SETTINGS):
         yield

@@ -14,5 +14,6 @@ step.
 
 from rodgym.sim.fin import Fin
 from rodgym.sim.pendulum import Linear, Pendulum
+from rodgym.sim.simulation import Simulation
 
-__all__ = ["Fin", "Linear", "Pendulum"]
+__all__ = ["Fin", "Linear", "Pendulum", "Simulation"]

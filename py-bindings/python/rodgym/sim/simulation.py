@@ -20,8 +20,8 @@ Array = npt.NDArray[np.float64]
 class Simulation:
     """One bare machine in Rust, by itself."""
 
-    #: The word that the core knows the machine by.
-    machine: ClassVar[str]
+    #: The word that the core knows the machine by; empty: a copy of any (`of`).
+    machine: ClassVar[str] = ""
     _native: _native.Simulation
 
     def __init__(self, **keywords: Any) -> None:
@@ -36,8 +36,10 @@ class Simulation:
             ParameterError: not one environment with this machine.
         """
         base = getattr(env, "unwrapped", env)
-        if getattr(base, "kind", None) != cls.machine:
-            raise refused("machine", env, f"one environment of rodgym with a {cls.machine}")
+        spec = getattr(base, "core_spec", None)
+        if not isinstance(spec, dict) or cls.machine not in ("", spec["machine"]):
+            what = cls.machine or "machine"
+            raise refused("machine", env, f"one environment of rodgym with a {what}")
         twin = object.__new__(cls)
         twin._native = base._simulation()
         return twin

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 
+from rodgym import machines
 from rodgym.evaluation.episodes import play
 from rodgym.evaluation.policies import controller_names, find, load_policy
 from rodgym.evaluation.score import score
-from rodgym.study.spec import Case
+from rodgym.study.spec import Case, StudyError
 
 Row = dict[str, Any]
 
@@ -29,11 +31,6 @@ class Started(gym.vector.VectorWrapper):
         """As the environment's, from the state."""
         inner: Any = self.env
         return inner.reset(seed=seed, options={**(options or {}), "state": self._state})
-
-    def get_attr(self, name: str) -> tuple[Any, ...]:
-        """As the environment's."""
-        inner: Any = self.env
-        return inner.get_attr(name)
 
 
 def run_case(case: Case) -> Row:
@@ -53,14 +50,27 @@ def run_case(case: Case) -> Row:
             other.close()
         start = _below("start.", case)
         if start:
-            edges = int(env.unwrapped.config["nodes"]) - 1
-            angles, rates = ([start.get(key, 0.0)] * edges for key in ("angle", "rate"))
-            env = Started(env, {"angles": angles, "rates": rates})
+            env = Started(env, start_state(machines.spec_of(env), start))
         first = case.get("seed", 0)
         columns = score(play(policy, env, range(first, first + case["seeds"])))
     finally:
         env.close()
     return {name: _mean(values) for name, values in columns.items()}
+
+
+def start_state(spec: Mapping[str, Any], given: Mapping[str, float]) -> dict[str, Any]:
+    """The exact state that the keys `start.*` of a case stand for.
+
+    Raises:
+        StudyError: the machine has no such key.
+    """
+    about = machines.of(spec)
+    for key in given:
+        if about.start is None or key not in about.starts:
+            allowed = ", ".join(f"start.{name}" for name in about.starts) or "none"
+            raise StudyError(f"'start.{key}' is no start of a {about.word}: there are {allowed}")
+    assert about.start is not None
+    return about.start(spec, given)
 
 
 def policy_file(policy: str) -> Path | None:

@@ -6,10 +6,12 @@ from pathlib import Path
 from textwrap import fill
 from typing import Any
 
+import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.ticker import MaxNLocator
 
 from rodgym.report.style import COLOURS, styled
-from rodgym.study.spec import Study, StudyError
+from rodgym.study.spec import Study, StudyError, columns_of
 
 Rows = list[dict[str, str]]
 
@@ -29,15 +31,14 @@ def draw(study: Study, rows: Rows, path: Path) -> None:
             )
     panels = _distinct(rows, asked.get("panel"))
     with styled():
-        import matplotlib.pyplot as plt
-        from matplotlib.ticker import MaxNLocator
-
         figure, axes = plt.subplots(
             1, len(panels), figsize=(1.2 + 4.2 * len(panels), 3.9), squeeze=False, sharey=True
         )
         figure.suptitle(fill(study.title, 40 + 45 * (len(panels) - 1)), fontweight="bold")
         drawn: Any = None
-        limits = _limits(rows, asked["value"])
+        measured = columns_of(study.env).get(asked["value"])
+        share = measured is not None and measured.success
+        limits = (0.0, 1.0) if share else _limits(rows, asked["value"])
         for axis, panel in zip(axes[0], panels, strict=True):
             part = [row for row in rows if panel is None or row[asked["panel"]] == panel]
             axis.set(title=panel or "", xlabel=asked["x"])
@@ -45,6 +46,8 @@ def draw(study: Study, rows: Rows, path: Path) -> None:
                 drawn = _map(axis, part, asked, limits)
             else:
                 _lines(axis, part, asked)
+                if share:
+                    axis.set_ylim(-0.03, 1.03)
             axis.xaxis.set_major_locator(MaxNLocator(6))
         axes[0][0].set_ylabel(asked.get("y", asked["value"]))
         if drawn is not None:
@@ -64,7 +67,7 @@ def _number(text: str) -> float:
 def _limits(rows: Rows, value: str) -> tuple[float, float]:
     """One scale for all panels."""
     numbers = [x for x in (_number(row[value]) for row in rows) if x == x]
-    return (0.0, 1.0) if value == "upright" or not numbers else (min(numbers), max(numbers))
+    return (min(numbers), max(numbers)) if numbers else (0.0, 1.0)
 
 
 def _map(axis: Any, rows: Rows, asked: dict[str, str], limits: tuple[float, float]) -> Any:
@@ -105,5 +108,3 @@ def _lines(axis: Any, rows: Rows, asked: dict[str, str]) -> None:
     axis.locator_params(axis="x", nbins=6)
     if "line" in asked:
         axis.legend(title=asked["line"])
-    if asked["value"] == "upright":
-        axis.set_ylim(-0.03, 1.03)

@@ -13,7 +13,8 @@
 
 Keys: ``policy`` (a controller's name or a trained policy's file), ``env.<keyword>`` of the
 environment, ``design.<keyword>`` (what a controller believes, where that differs),
-``start.angle`` [rad] and ``start.rate`` [rad/s] of a straight pendulum, ``seed`` (the first seed of
+``start.<name>`` of the machine's exact start (``start.angle`` [rad] and ``start.rate`` [rad/s] of a
+straight pendulum), ``seed`` (the first seed of
 the case's episodes: sweep it to have a row for each).
 """
 
@@ -28,9 +29,9 @@ from pathlib import Path
 from typing import Any
 
 import rodgym
-from rodgym import _native
+from rodgym import _native, machines
 from rodgym._registration import REMOTE
-from rodgym.evaluation.score import ALL_SCORES, columns_for
+from rodgym.machines import Column
 
 Case = dict[str, Any]
 
@@ -38,8 +39,7 @@ Case = dict[str, Any]
 MAX_CASES = 1_000_000
 _TOP = ("title", "env", "seeds", "fixed", "sweep", "plot")
 _PLOT = ("x", "y", "value", "panel", "line")
-_STARTS = ("start.angle", "start.rate")
-_PLAIN = ("policy", "seed", *_STARTS)
+_PLAIN = ("policy", "seed")
 
 
 class StudyError(rodgym.RodgymError, ValueError):
@@ -114,11 +114,13 @@ def parse(content: Mapping[str, Any], name: str) -> Study:
         raise StudyError(f"seeds = {seeds!r} is not allowed: it must be a whole number, 1 or more")
     fixed = _mapping("fixed", content.get("fixed", {}))
     sweep = {k: _values(k, v) for k, v in _mapping("sweep", content["sweep"]).items()}
+    env = str(content["env"])
+    scores, starts = columns_of(env), starts_of(env)
     for key in (*fixed, *sweep):
-        if key not in _PLAIN and not key.startswith(("env.", "design.")):
+        if key not in (*_PLAIN, *starts) and not key.startswith(("env.", "design.")):
             raise StudyError(
-                f"{key!r} is no key of a case: there are env.<keyword>, design.<keyword>, "
-                + ", ".join(_PLAIN)
+                f"{key!r} is no key of a case in {env}: there are env.<keyword>, "
+                f"design.<keyword>, {', '.join((*_PLAIN, *starts))}"
             )
     if both := sorted(set(fixed) & set(sweep)):
         raise StudyError(f"{both[0]!r} is both fixed and swept")
@@ -133,8 +135,7 @@ def parse(content: Mapping[str, Any], name: str) -> Study:
         if not isinstance(policy, str):
             raise StudyError(f"policy = {policy!r} is not allowed: it must be a name or a file")
     plot = _mapping("plot", content.get("plot", {}))
-    env = str(content["env"])
-    _check_plot(plot, {**{key: [value] for key, value in fixed.items()}, **sweep}, scores_of(env))
+    _check_plot(plot, {**{key: [value] for key, value in fixed.items()}, **sweep}, scores)
     title = str(content.get("title", name))
     study = Study(title, env, seeds, fixed, sweep, plot)
     if len(study) > MAX_CASES:
@@ -142,16 +143,27 @@ def parse(content: Mapping[str, Any], name: str) -> Study:
     return study
 
 
-def scores_of(env: str) -> list[str]:
-    """Columns of an environment's scores.
+def specs_of(env: str) -> list[dict[str, Any]]:
+    """What an environment may be: a server's may be any."""
+    if env == REMOTE:
+        return _native.catalog()
+    return [_native.Batch(env, 1).spec]
+
+
+def columns_of(env: str) -> dict[str, Column]:
+    """Columns of an environment's scores, by name.
 
     Raises:
         UnknownEnvError: there is none of that id.
     """
-    if env == REMOTE:
-        return sorted(ALL_SCORES)
-    metrics: list[str] = _native.Batch(env, 1).spec["metrics"]
-    return [column.name for column in columns_for(metrics)]
+    columns = (c for spec in specs_of(env) for c in machines.of(spec).columns_of(spec["task"]))
+    return {column.name: column for column in columns}
+
+
+def starts_of(env: str) -> list[str]:
+    """Keys of an exact start that the cases of an environment may have."""
+    names = (name for spec in specs_of(env) for name in machines.of(spec).starts)
+    return list(dict.fromkeys(f"start.{name}" for name in names))
 
 
 def _check_plot(

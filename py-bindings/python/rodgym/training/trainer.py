@@ -38,21 +38,23 @@ NOT_HYPERPARAMS = ("policy", "env", "seed", "device", "_init_setup_model")
 COUNTS = ("batch_size", "buffer_size", "n_epochs", "n_steps", "policy_delay", "stats_window_size")
 #: Numbers that may be left out.
 OPTIONAL_NUMBERS = ("clip_range_vf", "target_kl")
-#: Columns of ``learning_curve.csv``.
-CURVE = ("steps", "seconds", "training_return", "return", "return_low", "return_high", "upright")
+#: Columns of ``learning_curve.csv``, before the share of episodes that did their task, where the
+#: machine has a column for it.
+CURVE = ("steps", "seconds", "training_return", "return", "return_low", "return_high")
 
 
 @dataclass(frozen=True)
 class Training:
     """What came out: the best validated stage of the agent, saved, and its curve.
 
-    ``curve`` has the columns of :data:`CURVE`; ``seconds`` is the wall time, validation included;
-    ``interrupted`` says that Ctrl-C ended it early.
+    ``curve`` has the columns named ``columns``: :data:`CURVE` and successes; ``seconds`` is the
+    wall time, validation included; ``interrupted`` says that Ctrl-C ended it early.
     """
 
     policy: Path
     recipe: Recipe
     seed: int
+    columns: Sequence[str]
     curve: Sequence[Sequence[float]]
     best_steps: int
     seconds: float
@@ -126,11 +128,12 @@ def train(
     }
     save(model, path, card)
     env.close()
-    write_csv(run.file("learning_curve.csv"), CURVE, watch.curve)
+    write_csv(run.file("learning_curve.csv"), watch.columns, watch.curve)
     return Training(
         policy=path,
         recipe=recipe,
         seed=seed,
+        columns=watch.columns,
         curve=watch.curve,
         best_steps=watch.best_steps,
         seconds=watch.seconds,
@@ -220,6 +223,7 @@ class Watch(BaseCallback):
         self.every = max(1, recipe.n_timesteps // VALIDATIONS)
         self.bar = bar
         self.interrupted = interrupted
+        self.columns: tuple[str, ...] = CURVE
         self.curve: list[tuple[float, ...]] = []
         self.best_return = -np.inf
         self.best_steps = 0
@@ -250,7 +254,8 @@ class Watch(BaseCallback):
         actor = Stacked(model, depth, actions) if depth > 1 or own else model
         result = evaluate(actor, self.env_id, VALIDATION_SEEDS, env_kwargs=self.env_kwargs)
         returns = result.columns["return"]
-        upright = result.columns.get("upright", np.array([np.nan])).mean()
+        successes = {c.name: result.mean(c.name) for c in result.described if c.success}
+        self.columns = (*CURVE, *successes)
         recent = [episode["r"] for episode in self.model.ep_info_buffer or []]
         self.curve.append(
             (
@@ -260,7 +265,7 @@ class Watch(BaseCallback):
                 float(returns.mean()),
                 float(returns.min()),
                 float(returns.max()),
-                float(upright),
+                *successes.values(),
             )
         )
         if returns.mean() > self.best_return:
@@ -269,5 +274,5 @@ class Watch(BaseCallback):
             state = self.model.policy.state_dict()
             self.best_parameters = {key: value.clone() for key, value in state.items()}
         speed = self.num_timesteps / max(self.seconds, 1e-9)
-        standing = "" if np.isnan(upright) else f", upright {upright:4.0%}"
-        self.bar.say(f"return {returns.mean():.0f}{standing}, {speed:,.0f} steps/s")
+        done = "".join(f", {name} {share:4.0%}" for name, share in successes.items())
+        self.bar.say(f"return {returns.mean():.0f}{done}, {speed:,.0f} steps/s")

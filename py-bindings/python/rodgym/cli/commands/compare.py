@@ -66,22 +66,13 @@ def given(value: object) -> bool:
 TRAINING = ("algorithm", "steps", "seed", "recipe", "changes", "force")
 
 
-def default_controllers(env_id: str) -> list[str]:
-    """The classical controller that plays under the environment's own conditions."""
-    if "Fin" in env_id:
-        return ["gait"]
-    return ["lqg"] if "Base" in env_id else ["lqr"]
-
-
 def run(args: argparse.Namespace) -> int:
     import gymnasium as gym
 
+    from rodgym import machines
     from rodgym.evaluation import load_policy
     from rodgym.runs import Run, default_name
 
-    controllers = default_controllers(args.env) if args.controller is None else args.controller
-    if not controllers and not args.policy:
-        raise UsageError("nothing to compare: give --controller or --policy")
     asked = [name for name in TRAINING if given(getattr(args, name))]
     if args.policy and asked:
         named = ", ".join("--set" if name == "changes" else f"--{name}" for name in asked)
@@ -91,6 +82,12 @@ def run(args: argparse.Namespace) -> int:
         folder.keep_policy()
     # A wrong name is said now, not after minutes of training.
     env = gym.make_vec(args.env, num_envs=1, **env_keywords(args.env, args.env_arg))
+    spec = machines.spec_of(env)
+    usual = machines.of(spec).controllers(spec)
+    controllers = list(usual) if args.controller is None else args.controller
+    if not controllers and not args.policy:
+        env.close()
+        raise UsageError("nothing to compare: give --controller or --policy")
     for name in [*controllers, *(args.policy or [])]:
         load_policy(name, env)
     env.close()

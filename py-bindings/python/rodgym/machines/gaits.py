@@ -13,14 +13,8 @@ from matplotlib.ticker import NullFormatter, NullLocator
 from rodgym.evaluation import Evaluation, Record
 from rodgym.report.style import COLOURS, styled
 
-#: Seconds at the end of the episode that are drawn: a few strokes.
+#: Seconds at the end of the episode that are drawn: a few strokes (`fin.GAITS` says so).
 SECONDS = 1.2
-#: What the report says above the figure.
-TEXT = (
-    "Above, seed {seed}: pitch and thrust over the last 1.2 s. "
-    "Below, a dot is one episode: how fast the fin beats, the efficiency of its thrust (Froude: "
-    "speed times impulse over work) and the return, over its Young's modulus."
-)
 #: Scores that are drawn over stiffness: column, label.
 PANELS = (
     ("beat", "beat [Hz]"),

@@ -7,8 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from rodgym import machines
 from rodgym.evaluation import Evaluation, Policy, Record, evaluate, record
-from rodgym.report import animation, gaits, plots
+from rodgym.report import animation, plots
 from rodgym.runs import Run, write_csv
 
 if TYPE_CHECKING:
@@ -53,7 +54,7 @@ def compare(
 
     Files: ``scores.csv`` (one row per policy and seed), ``episode.csv`` (the steps of the episode
     that is shown), ``scores.png``, ``episode.png``, ``animation.gif`` and, with a training,
-    ``learning_curve.png``; of a fin ``gaits.png``.
+    ``learning_curve.png``; and the machine's own pictures.
     """
     began = time.perf_counter()
     kwargs = dict(env_kwargs or {})
@@ -76,8 +77,8 @@ def compare(
     _write_episode(run, records)
     plots.distributions(run.file("scores.png"), evaluations)
     plots.episodes(run.file("episode.png"), records)
-    if "pitch" in records[0].metrics:
-        gaits.draw(run.file("gaits.png"), records, evaluations)
+    for picture in machines.of(records[0].spec).pictures:
+        picture.draw(run.file(picture.file), records, evaluations)
     animation.write_gif(
         run.file("animation.gif"), animation.side_by_side(records), records[0].frame_dt
     )
@@ -95,7 +96,7 @@ def _draw_learning(
     kwargs: Mapping[str, Any],
 ) -> None:
     """The curve; the other policies' lines are their means on the very same validation seeds."""
-    from rodgym.training.trainer import CURVE, VALIDATION_SEEDS
+    from rodgym.training.trainer import VALIDATION_SEEDS
 
     levels = {
         e.name: evaluate(e.policy, env_id, VALIDATION_SEEDS, env_kwargs=kwargs).mean("return")
@@ -104,7 +105,7 @@ def _draw_learning(
     plots.learning_curve(
         run.file("learning_curve.png"),
         training.curve,
-        CURVE,
+        training.columns,
         entrants[0].name,
         levels,
         training.best_steps,
