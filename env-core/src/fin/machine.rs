@@ -9,7 +9,7 @@ use crate::batch::Machine;
 use crate::draw::exact_parameters;
 use crate::env::{NodeState, Parameter, ResetOptions, Scene, Space};
 use crate::error::{Error, Result};
-use crate::fluid::{reactive, resistive};
+use crate::fluid::terms::ByKind;
 use crate::keywords::Keyword;
 use crate::lane::{Lanewise, Real};
 use crate::rod::curvature;
@@ -184,26 +184,11 @@ impl Machine for Fin {
         value("length", geometry.length());
         let fin = rig.fin.lane(lane);
         let (at, v) = (&fin.now.x, &fin.now.v);
-        let mut force = vec![[0.0; 2]; at.len()];
-        let mut add = |node: usize, f: Vec2<f64>| {
-            force[node][0] += f.x;
-            force[node][1] += f.y;
-        };
+        let mut water = ByKind::new(at.len());
+        fin.gather_water(at, v, &mut water);
         // What the water does apart from being accelerated: drag, friction, and momentum shed at the tail.
-        let model = fin.design.hydrodynamics;
-        for k in 0..at.len() - 1 {
-            let edge = fin.edge(k, at, v);
-            if model.has_resistance() {
-                let water = resistive::force(fin.water.drag, fin.friction(k), &edge);
-                let [first, second] = edge.forces_to_world(&water);
-                add(k, first);
-                add(k + 1, second);
-            }
-            if model.has_tail_flux() && k + 2 == at.len() {
-                let [along, across] = reactive::tail_flux(fin.water.added_mass, &edge);
-                add(k + 1, edge.to_world(along, across));
-            }
-        }
+        let shed = water.resistance.iter().zip(&water.tail_flux);
+        let force: Vec<_> = shed.map(|(&a, &b)| a + b).map(|f| [f.x, f.y]).collect();
         scene.arrows.insert("fluid_force".into(), json!(force));
         scene.nodes = state.positions;
     }

@@ -4,6 +4,7 @@ use super::geometry::Geometry;
 use super::parameters::{Parameters, WATER_DENSITY};
 use super::step::Workspace;
 use crate::error::{Error, Result};
+use crate::fluid::terms::Momentum;
 use crate::fluid::{Hydrodynamics, Water};
 use crate::lane::{Lanewise, Real};
 use crate::lanewise;
@@ -268,7 +269,8 @@ impl<R: Real> Plant<R> {
     /// After a lane's fin was moved by hand: the water's momentum follows, what was before is forgotten.
     fn settle(&mut self, lane: usize, pitch: f64) {
         let mut momentum = std::mem::take(&mut self.work.momentum);
-        self.water_momentum(&self.now.x, &self.now.v, &mut momentum);
+        momentum.fill(Vec2::zero());
+        self.gather_water(&self.now.x, &self.now.v, &mut Momentum(&mut momentum));
         for (p, q) in self.now.p.iter_mut().zip(&momentum) {
             p.set_lane(lane, &q.lane(lane));
         }

@@ -2,38 +2,80 @@
 
 use super::plant::{Instant, Loads, Plant};
 use crate::fluid::edge::{EdgeLinear, EdgeMotion};
-use crate::fluid::{reactive, resistive};
+use crate::fluid::terms::{Gather, Kind, Term};
 use crate::lane::Real;
 use crate::linear::Banded;
 use crate::rod::{add_stiffness, forces};
 use crate::vec2::Vec2;
 
-impl<R: Real> Plant<R> {
-    /// Motion of edge `k` relative to the water.
-    #[inline(always)]
-    pub(super) fn edge(&self, k: usize, x: &[Vec2<R>], v: &[Vec2<R>]) -> EdgeMotion<R> {
-        let relative = |i: usize| self.water.relative(v[i]);
-        EdgeMotion::new(x[k], x[k + 1], relative(k), relative(k + 1))
-    }
+/// Gathers the water's part of the residual and of its derivative.
+struct Linearisation<'a, R> {
+    rate: R,
+    edge: EdgeLinear<R>,
+    residual: &'a mut [Vec2<R>],
+    matrix: &'a mut Banded<R>,
+}
 
-    /// Friction coefficient of edge `k`, perimeter included \[kg/m^2\].
+impl<R: Real> Gather<R> for Linearisation<'_, R> {
     #[inline(always)]
-    pub(super) fn friction(&self, k: usize) -> R {
-        self.water.friction * R::splat(self.perimeter[k])
+    fn open(&mut self) {
+        self.edge = EdgeLinear::default();
     }
-
-    /// Momentum of the water that moves with each node, p_f \[kg m/s\].
     #[inline(always)]
-    pub(super) fn water_momentum(&self, x: &[Vec2<R>], v: &[Vec2<R>], out: &mut [Vec2<R>]) {
-        out.fill(Vec2::zero());
-        if self.design.hydrodynamics.has_added_mass() {
-            for k in 0..x.len() - 1 {
-                let edge = self.edge(k, x, v);
-                let p = reactive::momentum(self.water.added_mass, &edge);
-                out[k] += edge.to_world(R::zero(), p[0]);
-                out[k + 1] += edge.to_world(R::zero(), p[1]);
+    fn add<T: Term<R>>(&mut self, _k: usize, edge: &EdgeMotion<R>, term: &T) {
+        term.add_linear(self.rate, edge, &mut self.edge);
+    }
+    #[inline(always)]
+    fn close(&mut self, k: usize, edge: &EdgeMotion<R>) {
+        let [first, second] = edge.forces_to_world(&self.edge.force);
+        self.residual[k] += first;
+        self.residual[k + 1] += second;
+        let blocks = self.edge.jacobian(edge, self.rate);
+        for i in 0..2 {
+            for j in 0..2 {
+                self.matrix.add_block(k + i, k + j, blocks[i][j]);
             }
         }
+    }
+}
+
+/// Gathers the water's part of the residual, its momentum and the loads.
+struct Balance<'a, R> {
+    rate: R,
+    residual: &'a mut [Vec2<R>],
+    momentum: &'a mut [Vec2<R>],
+    loads: Loads<R>,
+}
+
+impl<R: Real> Gather<R> for Balance<'_, R> {
+    #[inline(always)]
+    fn add<T: Term<R>>(&mut self, k: usize, edge: &EdgeMotion<R>, term: &T) {
+        let [first, second] = edge.forces_to_world(&term.force(edge));
+        if T::KIND == Kind::AddedMass {
+            let p = term.momentum(edge);
+            let (p0, p1) = (edge.to_world(R::zero(), p[0]), edge.to_world(R::zero(), p[1]));
+            self.momentum[k] += p0;
+            self.momentum[k + 1] += p1;
+            self.residual[k] += p0.scale(self.rate) - first;
+            self.residual[k + 1] += p1.scale(self.rate) - second;
+            return;
+        }
+        self.residual[k] -= first;
+        self.residual[k + 1] -= second;
+        let thrust = -(first.x + second.x);
+        if T::KIND == Kind::Resistance {
+            self.loads.resistive_thrust += thrust;
+        } else {
+            self.loads.shed_thrust += thrust;
+        }
+    }
+}
+
+impl<R: Real> Plant<R> {
+    /// Lets the water act on a fin in this motion.
+    #[inline(always)]
+    pub(super) fn gather_water<G: Gather<R>>(&self, x: &[Vec2<R>], v: &[Vec2<R>], gather: &mut G) {
+        self.water.act(self.design.hydrodynamics, &self.perimeter, x, v, gather);
     }
 
     /// What the drive must add at each node,
@@ -59,30 +101,8 @@ impl<R: Real> Plant<R> {
             let inertia = self.rod.mass[i] * rate2;
             matrix.add_block(i, i, [[inertia, R::zero()], [R::zero(), inertia]]);
         }
-        let model = self.design.hydrodynamics;
-        if !model.has_resistance() {
-            return;
-        }
-        for k in 0..nodes - 1 {
-            let edge = self.edge(k, x, v);
-            let mut linear = EdgeLinear::default();
-            resistive::add_resistance(self.water.drag, self.friction(k), &edge, &mut linear);
-            if model.has_added_mass() {
-                reactive::add_inertia(self.water.added_mass, rate, &edge, &mut linear);
-            }
-            if model.has_tail_flux() && k + 2 == nodes {
-                reactive::add_tail_flux(self.water.added_mass, &edge, &mut linear);
-            }
-            let [first, second] = edge.forces_to_world(&linear.force);
-            residual[k] += first;
-            residual[k + 1] += second;
-            let blocks = linear.jacobian(&edge, rate);
-            for i in 0..2 {
-                for j in 0..2 {
-                    matrix.add_block(k + i, k + j, blocks[i][j]);
-                }
-            }
-        }
+        let edge = EdgeLinear::default();
+        self.gather_water(x, v, &mut Linearisation { rate, edge, residual, matrix });
     }
 
     /// The same residual without derivative, the water's momentum, and the loads (without those of the
@@ -95,38 +115,12 @@ impl<R: Real> Plant<R> {
         at: &mut Instant<R>,
         residual: &mut [Vec2<R>],
     ) -> Loads<R> {
-        let nodes = at.x.len();
-        let mut loads = Loads::default();
         self.structure(star, rate, &at.x, &at.v, residual);
         at.p.fill(Vec2::zero());
-        let model = self.design.hydrodynamics;
-        if !model.has_resistance() {
-            return loads;
-        }
-        for k in 0..nodes - 1 {
-            let edge = self.edge(k, &at.x, &at.v);
-            let water = resistive::force(self.water.drag, self.friction(k), &edge);
-            let [first, second] = edge.forces_to_world(&water);
-            loads.resistive_thrust += -(first.x + second.x);
-            residual[k] -= first;
-            residual[k + 1] -= second;
-            if model.has_added_mass() {
-                let p = reactive::momentum(self.water.added_mass, &edge);
-                let [along, across] = reactive::gradient(self.water.added_mass, &edge);
-                let gradient = edge.to_world(along, across);
-                let (p0, p1) = (edge.to_world(R::zero(), p[0]), edge.to_world(R::zero(), p[1]));
-                at.p[k] += p0;
-                at.p[k + 1] += p1;
-                residual[k] += p0.scale(rate) + gradient;
-                residual[k + 1] += p1.scale(rate) - gradient;
-            }
-            if model.has_tail_flux() && k + 2 == nodes {
-                let [along, across] = reactive::tail_flux(self.water.added_mass, &edge);
-                let flux = edge.to_world(along, across);
-                residual[k + 1] -= flux;
-                loads.shed_thrust += -flux.x;
-            }
-        }
+        let momentum = &mut at.p[..];
+        let mut balance = Balance { rate, residual, momentum, loads: Loads::default() };
+        self.gather_water(&at.x, &at.v, &mut balance);
+        let mut loads = balance.loads;
         loads.shed_thrust += loads.resistive_thrust;
         loads.thrust = loads.shed_thrust;
         for (p, p0) in at.p.iter().zip(&star.p) {

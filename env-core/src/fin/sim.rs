@@ -8,7 +8,8 @@ use super::rig::Rig;
 use super::servo::{Servo, Ticks};
 use crate::env::NodeState;
 use crate::error::{Error, Result};
-use crate::fluid::{Hydrodynamics, reactive, resistive};
+use crate::fluid::Hydrodynamics;
+use crate::fluid::terms::ByKind;
 use crate::keywords::{bare_names, check_names};
 use crate::lane::{Lanewise, Real};
 use crate::rod;
@@ -223,45 +224,21 @@ impl BareFin {
     pub fn forces(&self, positions: &[[f64; 2]], velocities: &[[f64; 2]]) -> Result<Forces> {
         let (x, v) = self.plant.design.check_nodes(positions, velocities)?;
         let plant = &self.plant;
-        let n = x.len();
-        let model = plant.design.hydrodynamics;
-        let still = vec![Vec2::zero(); n];
+        let still = vec![Vec2::zero(); x.len()];
         let mut elastic = still.clone();
         // Without velocity the damping vanishes, and a fin has no gravity.
         rod::forces(&plant.rod, &x, &still, &mut elastic);
-        let mut momentum = still.clone();
-        plant.water_momentum(&x, &v, &mut momentum);
-        let (mut gradient, mut flux, mut resistance) = (still.clone(), still.clone(), still);
-        let mut fluid_energy = 0.0;
-        let mass = plant.water.added_mass;
-        for k in 0..n - 1 {
-            let edge = plant.edge(k, &x, &v);
-            if model.has_added_mass() {
-                let [along, across] = reactive::gradient(mass, &edge);
-                gradient[k] -= edge.to_world(along, across);
-                gradient[k + 1] += edge.to_world(along, across);
-                fluid_energy += reactive::energy(mass, &edge);
-            }
-            if model.has_tail_flux() && k + 2 == n {
-                let [along, across] = reactive::tail_flux(mass, &edge);
-                flux[k + 1] += edge.to_world(along, across);
-            }
-            if model.has_resistance() {
-                let water = resistive::force(plant.water.drag, plant.friction(k), &edge);
-                let [first, second] = edge.forces_to_world(&water);
-                resistance[k] += first;
-                resistance[k + 1] += second;
-            }
-        }
+        let mut water = ByKind::new(x.len());
+        plant.gather_water(&x, &v, &mut water);
         let energy = rod::energy(&plant.rod, &x, &v);
         Ok(Forces {
             elastic: points(&elastic),
-            fluid_momentum: points(&momentum),
-            fluid_gradient: points(&gradient),
-            tail_flux: points(&flux),
-            resistive: points(&resistance),
+            fluid_momentum: points(&water.momentum),
+            fluid_gradient: points(&water.gradient),
+            tail_flux: points(&water.tail_flux),
+            resistive: points(&water.resistance),
             elastic_energy: energy.stretch + energy.bend,
-            fluid_energy,
+            fluid_energy: water.energy,
         })
     }
 
@@ -270,18 +247,14 @@ impl BareFin {
         let plant = &self.plant;
         let (x, v) = (&plant.now.x, &plant.now.v);
         let energy = rod::energy(&plant.rod, x, v);
-        let mut fluid = 0.0;
-        if plant.design.hydrodynamics.has_added_mass() {
-            for k in 0..x.len() - 1 {
-                fluid += reactive::energy(plant.water.added_mass, &plant.edge(k, x, v));
-            }
-        }
+        let mut water = ByKind::new(x.len());
+        plant.gather_water(x, v, &mut water);
         let mut kinetic = energy.kinetic;
         if plant.design.free_swimming {
             let speed = v[plant.design.geometry.pivot].x;
             kinetic += 0.5 * plant.hull_mass * speed * speed;
         }
-        Energies { kinetic, stretch: energy.stretch, bend: energy.bend, fluid }
+        Energies { kinetic, stretch: energy.stretch, bend: energy.bend, fluid: water.energy }
     }
 }
 

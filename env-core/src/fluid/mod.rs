@@ -9,6 +9,7 @@
 pub mod edge;
 pub mod reactive;
 pub mod resistive;
+pub mod terms;
 
 use crate::error::{Error, Result};
 use crate::lane::Real;

@@ -2,6 +2,7 @@
 //! it resist), integrated with three Gauss points over velocities that are linear along the edge.
 
 use super::edge::{EdgeLinear, EdgeMotion};
+use super::terms::{Kind, Term};
 use crate::lane::Real;
 
 /// Places of the three Gauss points on \[0, 1\]: `1/2 -+ sqrt(3/5)/2`.
@@ -41,37 +42,41 @@ fn quadratic_linear<R: Real>(c: R, [a, b]: [R; 2]) -> ([R; 2], [R; 3]) {
     (shares, slope)
 }
 
-/// Force of the water on both nodes, `(t, n)` of the first, then of the second \[N\].
-///
-/// `drag` multiplies `w |w|` and `friction` (perimeter included) multiplies `u |u|`, per unit of length.
-#[inline(always)]
-pub fn force<R: Real>(drag: R, friction: R, edge: &EdgeMotion<R>) -> [R; 4] {
-    let along = quadratic(friction, edge.u);
-    let across = quadratic(drag, edge.w);
-    let l = edge.length;
-    [l * along[0], l * across[0], l * along[1], l * across[1]]
+/// Drag and friction on an edge, per unit of length.
+#[derive(Clone, Copy, Debug)]
+pub struct Resistance<R> {
+    /// Multiplies `w |w|` \[kg/m^2\].
+    pub drag: R,
+    /// Multiplies `u |u|`, perimeter included \[kg/m^2\].
+    pub friction: R,
 }
 
-/// Adds minus the force, and its derivatives, to a residual.
-#[inline(always)]
-pub fn add_resistance<R: Real>(
-    drag: R,
-    friction: R,
-    edge: &EdgeMotion<R>,
-    out: &mut EdgeLinear<R>,
-) {
-    let (along, along_slope) = quadratic_linear(friction, edge.u);
-    let (across, across_slope) = quadratic_linear(drag, edge.w);
-    let l = edge.length;
-    for end in 0..2 {
-        let (t, n) = (2 * end, 2 * end + 1);
-        out.force[t] += -(l * along[end]);
-        out.force[n] += -(l * across[end]);
-        out.by_length[t] += -along[end];
-        out.by_length[n] += -across[end];
-        for other in 0..2 {
-            out.by_u[other][t] += -(l * along_slope[end + other]);
-            out.by_w[other][n] += -(l * across_slope[end + other]);
+impl<R: Real> Term<R> for Resistance<R> {
+    const KIND: Kind = Kind::Resistance;
+
+    #[inline(always)]
+    fn force(&self, edge: &EdgeMotion<R>) -> [R; 4] {
+        let along = quadratic(self.friction, edge.u);
+        let across = quadratic(self.drag, edge.w);
+        let l = edge.length;
+        [l * along[0], l * across[0], l * along[1], l * across[1]]
+    }
+
+    #[inline(always)]
+    fn add_linear(&self, _rate: R, edge: &EdgeMotion<R>, out: &mut EdgeLinear<R>) {
+        let (along, along_slope) = quadratic_linear(self.friction, edge.u);
+        let (across, across_slope) = quadratic_linear(self.drag, edge.w);
+        let l = edge.length;
+        for end in 0..2 {
+            let (t, n) = (2 * end, 2 * end + 1);
+            out.force[t] += -(l * along[end]);
+            out.force[n] += -(l * across[end]);
+            out.by_length[t] += -along[end];
+            out.by_length[n] += -across[end];
+            for other in 0..2 {
+                out.by_u[other][t] += -(l * along_slope[end + other]);
+                out.by_w[other][n] += -(l * across_slope[end + other]);
+            }
         }
     }
 }

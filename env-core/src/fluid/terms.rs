@@ -1,0 +1,141 @@
+//! What acts on a body in water: a list of terms of force, run through edge by edge. Who wants a residual, its
+//! derivative, loads or arrows gathers them.
+
+use super::edge::{EdgeLinear, EdgeMotion};
+use super::reactive::{AddedMass, TailFlux};
+use super::resistive::Resistance;
+use super::{Hydrodynamics, Water};
+use crate::lane::Real;
+use crate::vec2::Vec2;
+
+/// Which term of force it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Drag and friction.
+    Resistance,
+    /// What the water that moves with the body gives back; the rate of its momentum comes beside the force.
+    AddedMass,
+    /// Momentum shed at the tail.
+    TailFlux,
+}
+
+/// A force on the two nodes of an edge.
+pub trait Term<R: Real> {
+    /// Which it is.
+    const KIND: Kind;
+
+    /// Force on both nodes, `(t, n)` of the first, then of the second \[N\], without the rate of `momentum`.
+    fn force(&self, edge: &EdgeMotion<R>) -> [R; 4];
+    /// Normal momentum of the water that belongs to the first and second node \[kg m/s\].
+    #[inline(always)]
+    fn momentum(&self, _edge: &EdgeMotion<R>) -> [R; 2] {
+        [R::zero(); 2]
+    }
+    /// Kinetic energy of that water \[J\].
+    #[inline(always)]
+    fn energy(&self, _edge: &EdgeMotion<R>) -> R {
+        R::zero()
+    }
+    /// Adds `rate * momentum - force` and its derivatives: what the term contributes to the residual of an implicit
+    /// step whose time derivative is `rate (momentum - earlier momentum)`.
+    fn add_linear(&self, rate: R, edge: &EdgeMotion<R>, out: &mut EdgeLinear<R>);
+}
+
+/// Who gathers the terms. Its methods stand in hot loops: they must be `#[inline(always)]`.
+pub trait Gather<R: Real> {
+    /// Edge `k` begins.
+    #[inline(always)]
+    fn open(&mut self) {}
+    /// A term that acts on edge `k`.
+    fn add<T: Term<R>>(&mut self, k: usize, edge: &EdgeMotion<R>, term: &T);
+    /// All that acts on edge `k` was added.
+    #[inline(always)]
+    fn close(&mut self, _k: usize, _edge: &EdgeMotion<R>) {}
+}
+
+impl<R: Real> Water<R> {
+    /// Lets the water act on a body whose nodes have these positions and velocities; `perimeter` is the wetted one of
+    /// each edge \[m\].
+    #[inline(always)]
+    pub fn act<G: Gather<R>>(
+        &self,
+        model: Hydrodynamics,
+        perimeter: &[f64],
+        x: &[Vec2<R>],
+        v: &[Vec2<R>],
+        gather: &mut G,
+    ) {
+        if !model.has_resistance() {
+            return;
+        }
+        let edges = x.len() - 1;
+        for k in 0..edges {
+            let (va, vb) = (self.relative(v[k]), self.relative(v[k + 1]));
+            let edge = EdgeMotion::new(x[k], x[k + 1], va, vb);
+            gather.open();
+            let friction = self.friction * R::splat(perimeter[k]);
+            gather.add(k, &edge, &Resistance { drag: self.drag, friction });
+            if model.has_added_mass() {
+                gather.add(k, &edge, &AddedMass(self.added_mass));
+            }
+            if model.has_tail_flux() && k + 1 == edges {
+                gather.add(k, &edge, &TailFlux(self.added_mass));
+            }
+            gather.close(k, &edge);
+        }
+    }
+}
+
+/// Gathers the momentum of the water that moves with each node, p_f \[kg m/s\].
+pub struct Momentum<'a, R>(pub &'a mut [Vec2<R>]);
+
+impl<R: Real> Gather<R> for Momentum<'_, R> {
+    #[inline(always)]
+    fn add<T: Term<R>>(&mut self, k: usize, edge: &EdgeMotion<R>, term: &T) {
+        if T::KIND == Kind::AddedMass {
+            for (end, p) in term.momentum(edge).into_iter().enumerate() {
+                self.0[k + end] += edge.to_world(R::zero(), p);
+            }
+        }
+    }
+}
+
+/// Gathers everything, each kind apart: forces on the nodes \[N\], the water's momentum \[kg m/s\] and energy \[J\].
+#[derive(Clone, Debug)]
+pub struct ByKind<R> {
+    /// Drag and friction.
+    pub resistance: Vec<Vec2<R>>,
+    /// `dT_f/dq` of the added mass.
+    pub gradient: Vec<Vec2<R>>,
+    /// Momentum flux off the last node.
+    pub tail_flux: Vec<Vec2<R>>,
+    /// Momentum p_f.
+    pub momentum: Vec<Vec2<R>>,
+    /// Kinetic energy of the moved water.
+    pub energy: R,
+}
+
+impl<R: Real> ByKind<R> {
+    /// Nothing yet, on `nodes` nodes.
+    pub fn new(nodes: usize) -> Self {
+        let zeros = || vec![Vec2::zero(); nodes];
+        let (resistance, gradient, tail_flux) = (zeros(), zeros(), zeros());
+        ByKind { resistance, gradient, tail_flux, momentum: zeros(), energy: R::zero() }
+    }
+}
+
+impl<R: Real> Gather<R> for ByKind<R> {
+    #[inline(always)]
+    fn add<T: Term<R>>(&mut self, k: usize, edge: &EdgeMotion<R>, term: &T) {
+        let sum = match T::KIND {
+            Kind::Resistance => &mut self.resistance,
+            Kind::AddedMass => &mut self.gradient,
+            Kind::TailFlux => &mut self.tail_flux,
+        };
+        for (end, force) in edge.forces_to_world(&term.force(edge)).into_iter().enumerate() {
+            sum[k + end] += force;
+        }
+        Momentum(&mut self.momentum).add(k, edge, term);
+        self.energy += term.energy(edge);
+    }
+}
