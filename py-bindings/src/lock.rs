@@ -61,6 +61,6 @@ impl<T> Lock<T> {
     }
 
     fn unusable(&self, why: &str) -> PyErr {
-        raise("RodgymError", &format!("this {} is not usable: {why}", self.name))
+        raise("RodgymError", format!("this {} is not usable: {why}", self.name))
     }
 }
