@@ -69,11 +69,11 @@ test-remote: server ## the network: faults, keys, other languages' clients
 	RODGYM_NEED_SERVER=1 $(BIN)/python -m pytest tests/python -k remote
 
 bench-remote: server ## the network's speed against an echo: refreshes docs/performance/remote.md
-	$(BIN)/python tests/long/remote_bench.py --page docs/performance/remote.md
+	PYTHONPATH=tests/python $(BIN)/python tests/long/remote_bench.py --page docs/performance/remote.md
 
 soak: server ## long: 32 clients for SOAK_MINUTES, then a connection cut at every byte
-	$(BIN)/python tests/long/remote_soak.py --minutes $(SOAK_MINUTES)
-	$(BIN)/python tests/long/remote_cuts.py
+	PYTHONPATH=tests/python $(BIN)/python tests/long/remote_soak.py --minutes $(SOAK_MINUTES)
+	PYTHONPATH=tests/python $(BIN)/python tests/long/remote_cuts.py
 
 .PHONY: soak-fin
 soak-fin: extension ## long: a million random steps of every fin, writes docs/fin-soak.md

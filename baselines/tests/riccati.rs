@@ -4,7 +4,9 @@
 use nalgebra::DMatrix;
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
-use rodgym_baselines::linalg::{care, dare, lyapunov, spectral_abscissa, spectral_radius, stein};
+use rodgym_baselines::linalg::{
+    Riccati, care, dare, lyapunov, spectral_abscissa, spectral_radius, stein,
+};
 use rodgym_baselines::{Error, linalg};
 
 /// Random (A, B, Q, R, N) of order n with m inputs: A scaled to a spectral radius of about `size`, the
@@ -33,6 +35,15 @@ fn numbers() -> impl Strategy<Value = Vec<f64>> {
     })
 }
 
+/// A random pair is stabilisable with probability one, but may come close to not being so: then the
+/// solution is refused for want of digits, and for nothing else.
+fn solved(found: Result<Riccati, Error>) -> Result<Riccati, TestCaseError> {
+    match found {
+        Err(error @ Error::Inaccurate { .. }) => Err(TestCaseError::reject(error.to_string())),
+        other => Ok(other?),
+    }
+}
+
 proptest! {
     // The same systems at every run: how ill-conditioned a random one is has no bound.
     #![proptest_config(ProptestConfig {
@@ -45,10 +56,7 @@ proptest! {
     #[test]
     fn dare_leaves_no_residual_and_stabilises(n in 1usize..12, m in 1usize..4, size in 0.1..3.0f64, x in numbers()) {
         let [a, b, q, r, cross] = system(n, m, size, &x);
-        // A random pair is stabilisable with probability one, but may come close to not being so.
-        let Ok(s) = dare(&a, &b, &q, &r, Some(&cross)) else {
-            return Err(TestCaseError::reject("hardly stabilisable"));
-        };
+        let s = solved(dare(&a, &b, &q, &r, Some(&cross)))?;
         let side = a.tr_mul(&s.cost) * &b + &cross;
         let moved = a.tr_mul(&s.cost) * &a;
         let residual = &moved - &s.cost - &side * &s.gain + &q;
@@ -63,9 +71,7 @@ proptest! {
     #[test]
     fn care_leaves_no_residual_and_stabilises(n in 1usize..12, m in 1usize..4, size in 0.1..30.0f64, x in numbers()) {
         let [a, b, q, r, cross] = system(n, m, size, &x);
-        let Ok(s) = care(&a, &b, &q, &r, Some(&cross)) else {
-            return Err(TestCaseError::reject("too hardly stabilisable"));
-        };
+        let s = solved(care(&a, &b, &q, &r, Some(&cross)))?;
         let side = &s.cost * &b + &cross;
         let xa = &s.cost * &a;
         let residual = &xa + xa.transpose() - &side * &s.gain + &q;

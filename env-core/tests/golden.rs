@@ -255,7 +255,11 @@ fn today() -> BTreeMap<String, String> {
     let mut all = BTreeMap::new();
     let modes = [AutoresetMode::NextStep, AutoresetMode::SameStep, AutoresetMode::Disabled];
     for catalog::Entry { id, machine, .. } in catalog::entries() {
-        let own = if machine == "pendulum" { pendulums() } else { fins() };
+        let own = match machine {
+            "pendulum" => pendulums(),
+            "fin" => fins(),
+            other => panic!("no cases for a {other}"),
+        };
         for (i, kwargs) in common().iter().chain(&own).enumerate() {
             // Every keyword set in one mode, the defaults in all of them.
             for mode in if i == 0 { &modes[..] } else { &modes[i % 3..i % 3 + 1] } {

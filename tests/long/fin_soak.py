@@ -22,8 +22,11 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import rodgym
+import rodgym.sim
 
-FINS = tuple(env_id for env_id in rodgym.ENVIRONMENTS if "/Fin" in env_id)
+FINS = tuple(
+    i for i, entry in rodgym.ENVIRONMENTS.items() if entry.machine == rodgym.sim.Fin.machine
+)
 STEPPERS = ("bdf2", "backward_euler")
 #: Cut-off of the command's low-pass [Hz]: as usual, and none, which is rougher.
 CUTOFFS = (3.0, None)
@@ -67,10 +70,15 @@ def commands(num_envs: int, rng: np.random.Generator) -> Iterator[np.ndarray]:
 
 def soak(env_id: str, steps: int, num_envs: int, seed: int = 0, **kwargs: Any) -> Tally:
     """Steps a batch `steps` times in all; memory is compared with that after a fifth of them."""
+    parameters = {p["name"]: p for p in gym.make(env_id).unwrapped.core_spec["parameters"]}
     # A free swimmer's water is at rest.
-    ranges = STIFFNESS if "Swim" in env_id else STIFFNESS | FLOW
+    flows = {name: FLOW[name] for name in FLOW if parameters[name]["high"] > 0}
     env = gym.make_vec(
-        env_id, num_envs=num_envs, autoreset_mode="SameStep", randomize=ranges, **kwargs
+        env_id,
+        num_envs=num_envs,
+        autoreset_mode="SameStep",
+        randomize=STIFFNESS | flows,
+        **kwargs,
     )
     space, tally = env.single_observation_space, Tally()
     env.reset(seed=seed)

@@ -1,22 +1,19 @@
 """Draws docs/images/live.png, the server's live page with some sessions on it: needs Chromium.
 
-`python tests/long/live_picture.py`, from an environment with the server (`make server`).
+`PYTHONPATH=tests/python python tests/long/live_picture.py`, from an environment with the server
+(`make server`).
 """
 
 from __future__ import annotations
 
 import base64
 import contextlib
-import sys
 import tempfile
 import threading
 import time
 from pathlib import Path
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "python"))
-
 import rodgym.remote
 from remote_helpers import serving
 from rodgym.errors import RodgymError

@@ -1,6 +1,6 @@
 """Speed of environments on a server, as ratios to an echo of the same bytes and to the local batch.
 
-`make bench-remote`, or `python tests/long/remote_bench.py --page docs/performance/remote.md`. All
+`make bench-remote`, or `PYTHONPATH=tests/python python tests/long/remote_bench.py`. All
 numbers are of one run, cases take turns, and ratios are taken round by round. Exits with 1 if a
 target is missed.
 """
@@ -19,9 +19,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "python"))
-
 import rodgym.remote
 import rodgym.sb3
 import zmq

@@ -4,22 +4,17 @@ undisturbed one, to the bit.
 A conversation is handshake, make, reset, steps over an episode's end, and a snapshot put back. Its
 first connection breaks after k bytes, for each k up to its length; the client goes on over another.
 
-`make soak` or `python tests/long/remote_cuts.py`.
+`make soak` or `PYTHONPATH=tests/python python tests/long/remote_cuts.py`.
 """
 
 from __future__ import annotations
 
 import argparse
 import multiprocessing
-import sys
 import time
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "python"))
-
 import rodgym.remote
 from conftest import SWING_UP, assert_same
 from remote_helpers import Proxy, counter, serving, until

@@ -4,7 +4,7 @@ Each client steps a local twin beside its remote batch and compares every array 
 lost or repeated step cannot hide; and the server's own count of steps must be that of the clients.
 Memory and descriptors of the server must be flat after the first tenth.
 
-`make soak` or `python tests/long/remote_soak.py --minutes 30`.
+`make soak` or `PYTHONPATH=tests/python python tests/long/remote_soak.py --minutes 30`.
 """
 
 from __future__ import annotations
@@ -13,14 +13,9 @@ import argparse
 import itertools
 import multiprocessing
 import random
-import sys
 import time
-from pathlib import Path
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "python"))
-
 import rodgym.remote
 from remote_helpers import Proxy, counter, serving
 from rodgym.vector import RodVectorEnv

@@ -6,11 +6,11 @@ import ast
 import doctest
 import importlib
 import re
-import runpy
 import warnings
 from pathlib import Path
 
 import gymnasium as gym
+import pages
 import pytest
 from conftest import SWING_UP
 from rodgym.errors import ParameterError
@@ -37,10 +37,9 @@ def test_docstrings(name):
 
 
 def test_environment_pages_are_those_of_the_docstrings():
-    pages = runpy.run_path(str(DOCS[0].parent / "pages.py"))
-    for name, title, environment in pages["PAGES"]:
+    for name, title, environment in pages.PAGES:
         written = (DOCS[0].parent / name).read_text()
-        assert written == pages["page"](title, environment), "run python docs/pages.py"
+        assert written == pages.page(title, environment), "run python docs/pages.py"
 
 
 @pytest.mark.parametrize(("page", "env_id"), [("pendulum.md", SWING_UP), ("fin.md", THRUST)])

@@ -5,14 +5,8 @@ Short; `make soak-fin` takes a million steps of each (docs/fin-soak.md).
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import pytest
 from conftest import FINS
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "long"))
-
 from fin_soak import CUTOFFS, STATUS, soak
 
 

@@ -3,6 +3,7 @@ and the server does not grow. A short run of tests/long/remote_soak.py (`make so
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -16,6 +17,10 @@ SOAK = Path(__file__).parents[1] / "long" / "remote_soak.py"
 
 def test_eight_clients_for_ten_seconds():
     command = [sys.executable, str(SOAK), "--minutes", "0.17", "--clients", "8"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    # Its helpers are ours.
+    here = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run(
+        command, capture_output=True, text=True, timeout=300, check=False, env=here
+    )
     assert done.returncode == 0, done.stderr
     assert "8 clients" in done.stdout

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import runpy
 import subprocess
 import sys
 from argparse import Namespace
@@ -19,6 +18,7 @@ from remote_helpers import serving
 
 need_ray("ray.rllib", "RLlib pins Gymnasium, so it has an environment of its own: make ray")
 
+import rllib_ppo  # noqa: E402
 import rodgym.evaluation  # noqa: E402
 import rodgym.ray  # noqa: E402
 
@@ -29,13 +29,7 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore::ResourceWarning"),
     pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
 ]
-EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "rllib_ppo.py"
-
-
-@pytest.fixture(scope="module")
-def example():
-    """The names that the example defines."""
-    return runpy.run_path(str(EXAMPLE))
+EXAMPLE = Path(rllib_ppo.__file__)
 
 
 @pytest.fixture(scope="module")
@@ -52,8 +46,8 @@ def asked(**changes):
     return Namespace(**{"runners": 1, "envs": 64, "server": None, **changes})
 
 
-def test_ppo_raises_the_return_in_native_batches(example, cluster):
-    config = example["config"](asked())
+def test_ppo_raises_the_return_in_native_batches(cluster):
+    config = rllib_ppo.config(asked())
     # Every iteration plays 64 episodes to their end.
     config.environment(env_config={"max_episode_steps": 250})
     algorithm = config.training(train_batch_size_per_learner=64 * 250).build_algo()
@@ -87,12 +81,12 @@ def test_ppo_raises_the_return_in_native_batches(example, cluster):
 
 
 @pytest.mark.parametrize("where", ["local", "server"])
-def test_episodes_are_those_of_single_environments(example, cluster, where):
+def test_episodes_are_those_of_single_environments(cluster, where):
     """Every observation, reward and flag, over two resets: no step is lost to the autoreset."""
     envs, steps = 3, 20
     short = {"max_episode_steps": steps, **RANDOM}
     with serving() if where == "server" else contextlib.nullcontext() as server:
-        config = example["config"](asked(runners=0, envs=envs))
+        config = rllib_ppo.config(asked(runners=0, envs=envs))
         config.environment(env_config={**short, **({"server": server.address} if server else {})})
         # RLlib stores what its network drew; else it would also scale [-1, 1] to [-1, 1] and round.
         config.environment(normalize_actions=False, clip_actions=True)
