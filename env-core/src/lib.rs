@@ -22,8 +22,8 @@ mod scene;
 pub mod seed;
 pub mod simulation;
 pub mod snapshot;
+pub mod solver;
 mod spec;
-pub mod stepper;
 pub mod vec2;
 
 pub use error::{Error, Result};

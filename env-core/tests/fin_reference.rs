@@ -2,8 +2,9 @@
 //! its own assembly and, where said, a different integrator.
 
 use nalgebra::{DMatrix, SymmetricEigen};
+use rodgym_core::fin::Scheme;
 use rodgym_core::fin::cycle::{Cycle, Drive, Waveform, measure};
-use rodgym_core::fin::plant::{Design, Scheme};
+use rodgym_core::fin::plant::Design;
 use rodgym_core::fin::servo::{Servo, Ticks};
 use rodgym_core::fin::{BareFin, Geometry, Parameters};
 use rodgym_core::fluid::Hydrodynamics;

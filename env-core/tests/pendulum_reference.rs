@@ -2,7 +2,7 @@
 //! from horizontal, N = 7, w = 7 mm, no damping.
 
 use rodgym_core::rod::{Energy, Motion, Rod, Uniform, energy, forces};
-use rodgym_core::stepper::{Constant, Integrator, Scheme};
+use rodgym_core::solver::{Constant, Integrator, Scheme};
 use rodgym_core::vec2::Vec2;
 
 fn thesis_rod(nodes: usize) -> Rod<f64> {
@@ -77,6 +77,7 @@ fn steppers_converge_at_their_orders() {
         (Scheme::Verlet, 4e-4, 2.0),
         (Scheme::BackwardEuler, 5e-4, 1.0),
         (Scheme::Implicit, 5e-4, 2.0),
+        (Scheme::Bdf2, 5e-4, 2.0),
     ];
     let (exact, _) = swing(Scheme::Verlet, 5e-6, 7);
     for (scheme, dt, order) in cases {

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use rodgym_core::linear::Banded;
 use rodgym_core::rod::{Motion, Rod, Uniform, add_stiffness, energy, forces, linearise};
 use rodgym_core::seed::Stream;
-use rodgym_core::stepper::{Constant, Integrator, Scheme};
+use rodgym_core::solver::{Constant, Integrator, Scheme};
 use rodgym_core::vec2::Vec2;
 
 fn uniform(nodes: usize) -> Uniform {

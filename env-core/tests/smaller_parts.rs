@@ -1,12 +1,12 @@
 //! Implicit steps that do not converge are taken again in smaller parts: as the parts alone would be, in
 //! each lane by itself, with nothing changed where even the smallest fail.
 
-use rodgym_core::fin::{Design, Geometry, Parameters, Plant, Scheme as FinScheme};
+use rodgym_core::fin::{Design, Geometry, Parameters, Plant};
 use rodgym_core::fluid::Hydrodynamics;
 use rodgym_core::lane::{Lanes, Lanewise, Mask, Real};
 use rodgym_core::rod::{Motion, Rod, Uniform};
 use rodgym_core::seed::Stream;
-use rodgym_core::stepper::{Constant, Integrator, Scheme};
+use rodgym_core::solver::{Constant, Integrator, Scheme};
 use rodgym_core::vec2::Vec2;
 
 const NODES: usize = 7;
@@ -88,13 +88,13 @@ fn each_lane_is_repaired_by_itself() {
     }
 }
 
-/// A straight fin whose nodes behind the driven edge fly apart at random.
-fn torn_fin<R: Real>(fin: &mut Plant<R>, lane: usize, seed: u64) {
+/// A straight fin whose nodes behind the driven edge fly apart at random, at up to `speed` \[m/s\] a component.
+fn torn_fin<R: Real>(fin: &mut Plant<R>, lane: usize, speed: f64, seed: u64) {
     fin.begin(lane, &Parameters::default(), 0.1);
     let (mut stream, single) = (Stream::new(seed), fin.lane(lane));
     let free = single.design.geometry.pivot + 2;
     let mut draw = |i| {
-        let v = Vec2::new(stream.uniform(-20.0, 20.0), stream.uniform(-20.0, 20.0));
+        let v = Vec2::new(stream.uniform(-speed, speed), stream.uniform(-speed, speed));
         if i < free { Vec2::zero() } else { v }
     };
     let velocities: Vec<_> = (0..fin.nodes()).map(&mut draw).collect();
@@ -105,7 +105,7 @@ fn fins<R: Real>(physics_dt: f64) -> Plant<R> {
     Plant::new(Design {
         geometry: Geometry::thesis(),
         hydrodynamics: Hydrodynamics::Lighthill,
-        scheme: FinScheme::BackwardEuler,
+        scheme: Scheme::BackwardEuler,
         physics_dt,
         free_swimming: false,
     })
@@ -125,15 +125,15 @@ fn a_fin_s_step_that_fails_is_taken_as_its_halves() {
     let mut as_halves = 0;
     for seed in 0..200 {
         let (mut whole, mut halves) = (fins::<f64>(4e-3), fins::<f64>(2e-3));
-        torn_fin(&mut whole, 0, seed);
-        torn_fin(&mut halves, 0, seed);
+        torn_fin(&mut whole, 0, 20.0, seed);
+        torn_fin(&mut halves, 0, 20.0, seed);
         assert!(whole.step(0.11), "{seed}");
         let first = halves.step(0.1 + 0.5 * (0.11 - 0.1)).then_some(halves.loads.thrust);
         if let (Some(first), true) = (first, halves.step(0.11)) {
             let mean = 0.5 * first + 0.5 * halves.loads.thrust;
             let thrust = whole.loads.thrust;
             // What was one step ago is one whole step ago.
-            halves.before = whole.before.clone();
+            halves.past = whole.past.clone();
             if fin_bits(&mut whole) == fin_bits(&mut halves) {
                 as_halves += 1;
                 // (A half may have been halved itself: the mean of means is rounded otherwise.)
@@ -153,8 +153,8 @@ fn each_lane_of_fins_is_repaired_by_itself() {
         let mut alone: Vec<_> = (0..W).map(|_| fins::<f64>(0.04)).collect();
         for (lane, single) in alone.iter_mut().enumerate() {
             let seed = (W * block + lane) as u64;
-            torn_fin(&mut fins_together, lane, seed);
-            torn_fin(single, 0, seed);
+            torn_fin(&mut fins_together, lane, 300.0, seed);
+            torn_fin(single, 0, 300.0, seed);
         }
         let sound = fins_together.step(Lanes::splat(0.11));
         for (lane, single) in alone.iter_mut().enumerate() {

@@ -2,12 +2,13 @@
 
 use super::geometry::Geometry;
 use super::parameters::Parameters;
-use super::plant::{Design, Scheme};
+use super::plant::Design;
 use super::servo::Ticks;
 use crate::draw::Draw;
 use crate::error::{Error, Result};
 use crate::fluid::Hydrodynamics;
 use crate::keywords::{Allowed, Keyword, RANDOMIZE, Reader, check_names, number, whole};
+use crate::solver::Scheme;
 use crate::spec::Parameter;
 use serde_json::{Map, Value, json};
 

@@ -185,7 +185,7 @@ impl Machine for Fin {
         let fin = rig.fin.lane(lane);
         let (at, v) = (&fin.now.x, &fin.now.v);
         let mut water = ByKind::new(at.len());
-        fin.gather_water(at, v, &mut water);
+        fin.body().gather_water(at, v, &mut water);
         // What the water does apart from being accelerated: drag, friction, and momentum shed at the tail.
         let shed = water.resistance.iter().zip(&water.tail_flux);
         let force: Vec<_> = shed.map(|(&a, &b)| a + b).map(|f| [f.x, f.y]).collect();

@@ -18,10 +18,11 @@ mod sim;
 mod step;
 pub mod tasks;
 
+pub use crate::solver::Scheme;
 pub use config::{Config, Setup};
 pub use geometry::Geometry;
 pub use machine::Fin;
 pub use parameters::Parameters;
-pub use plant::{Design, Loads, Plant, Scheme};
+pub use plant::{Design, Loads, Plant};
 pub use rig::Rig;
 pub use sim::{BareFin, Energies, Forces};

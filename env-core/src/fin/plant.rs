@@ -9,17 +9,9 @@ use crate::fluid::{Hydrodynamics, Water};
 use crate::lane::{Lanewise, Real};
 use crate::lanewise;
 use crate::rod::Rod;
+use crate::solver::{Past, Scheme, Solver};
 use crate::vec2::Vec2;
 use std::sync::Arc;
-
-/// How the fin is stepped in time.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Scheme {
-    /// First order, as the thesis (2.26).
-    BackwardEuler,
-    /// Second-order backward differences, started by one step of backward Euler.
-    Bdf2,
-}
 
 /// What is the same for every fin of a batch.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,11 +32,15 @@ impl Design {
     /// Refuses what cannot be stepped.
     ///
     /// # Errors
-    /// A bad geometry, or a step that is not in (0, 0.04] seconds.
+    /// A bad geometry, an explicit scheme, or a step that is not in (0, 0.04] seconds.
     pub fn check(&self) -> Result<()> {
         self.geometry.check()?;
         if !(self.physics_dt > 0.0 && self.physics_dt <= 0.04) {
             return Err(Error::parameter("physics_dt", self.physics_dt, "in (0, 0.04] s"));
+        }
+        if self.scheme.table().is_none() {
+            let allowed = "implicit: the added mass is heavier than the fin";
+            return Err(Error::parameter("stepper", self.scheme.name(), allowed));
         }
         Ok(())
     }
@@ -152,7 +148,7 @@ impl<R: Real> Loads<R> {
 
 /// One fin, or several side by side.
 #[derive(Clone, Debug)]
-pub struct Plant<R> {
+pub struct Plant<R: Real> {
     /// What all lanes share.
     pub design: Arc<Design>,
     /// Material, water and hull, as an episode has them.
@@ -169,18 +165,17 @@ pub struct Plant<R> {
     pub hull_drag: R,
     /// The motion now.
     pub now: Instant<R>,
-    /// The motion one physics step earlier; of no meaning while `history` is 0.
-    pub before: Instant<R>,
-    /// 1 where `before` is there, 0 where an episode has just begun.
-    pub history: R,
+    /// The motion one physics step earlier.
+    pub past: Past<R, Instant<R>>,
     /// Pitch of the driven edge \[rad\].
     pub pitch: R,
     /// Forces at the end of the last physics step.
     pub loads: Loads<R>,
+    pub(super) solver: Solver<R::Mask, Instant<R>>,
     pub(super) work: Workspace<R>,
 }
 
-lanewise!(Plant: parameters, rod, water, hull_mass, hull_drag, now, before, history, pitch, loads);
+lanewise!(Plant: parameters, rod, water, hull_mass, hull_drag, now, past, pitch, loads);
 
 impl<R: Real> Plant<R> {
     /// Fins of this design, straight and at rest, with the default parameters in every lane.
@@ -190,6 +185,8 @@ impl<R: Real> Plant<R> {
     pub fn new(design: Design) -> Result<Self> {
         design.check()?;
         let nodes = design.geometry.nodes();
+        let (scheme, dt) = (design.scheme, design.physics_dt);
+        let table = scheme.table().expect("checked: it is an implicit one");
         let perimeter = design.geometry.perimeters().collect();
         let mut plant = Plant {
             design: Arc::new(design),
@@ -200,10 +197,10 @@ impl<R: Real> Plant<R> {
             hull_mass: R::one(),
             hull_drag: R::zero(),
             now: Instant::new(nodes),
-            before: Instant::new(nodes),
-            history: R::zero(),
+            past: Past::new(scheme, |kept| Instant::new(if kept { nodes } else { 0 })),
             pitch: R::zero(),
             loads: Loads::default(),
+            solver: Solver::new(table, dt, || Instant::new(nodes)),
             work: Workspace::new(nodes),
         };
         for lane in 0..R::LANES {
@@ -270,14 +267,12 @@ impl<R: Real> Plant<R> {
     fn settle(&mut self, lane: usize, pitch: f64) {
         let mut momentum = std::mem::take(&mut self.work.momentum);
         momentum.fill(Vec2::zero());
-        self.gather_water(&self.now.x, &self.now.v, &mut Momentum(&mut momentum));
+        self.body().gather_water(&self.now.x, &self.now.v, &mut Momentum(&mut momentum));
         for (p, q) in self.now.p.iter_mut().zip(&momentum) {
             p.set_lane(lane, &q.lane(lane));
         }
         self.work.momentum = momentum;
-        // `before` is kept finite although it is not read, so that snapshots of equal states are equal.
-        self.before.pair(&self.now, &mut |to, from| to.set(lane, from.get(lane)));
-        self.history.set(lane, 0.0);
+        self.past.forget(lane, &self.now);
         self.pitch.set(lane, pitch);
         self.loads.visit_mut(&mut |x| x.set(lane, 0.0));
     }

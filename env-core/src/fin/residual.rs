@@ -1,11 +1,12 @@
 //! The balance of forces on every node at the end of an implicit step, and its exact derivative.
 
-use super::plant::{Instant, Loads, Plant};
+use super::plant::{Design, Instant, Loads, Plant};
+use crate::fluid::Water;
 use crate::fluid::edge::{EdgeLinear, EdgeMotion};
 use crate::fluid::terms::{Gather, Kind, Term};
 use crate::lane::Real;
 use crate::linear::Banded;
-use crate::rod::{add_stiffness, forces};
+use crate::rod::{Rod, add_stiffness, forces};
 use crate::vec2::Vec2;
 
 /// Gathers the water's part of the residual and of its derivative.
@@ -71,11 +72,30 @@ impl<R: Real> Gather<R> for Balance<'_, R> {
     }
 }
 
+/// What the balance of forces is made of.
+pub(super) struct Body<'a, R> {
+    pub(super) design: &'a Design,
+    pub(super) rod: &'a Rod<R>,
+    pub(super) water: &'a Water<R>,
+    pub(super) perimeter: &'a [f64],
+    pub(super) hull_mass: R,
+    pub(super) hull_drag: R,
+}
+
 impl<R: Real> Plant<R> {
+    /// What the balance of forces is made of.
+    pub(super) fn body(&self) -> Body<'_, R> {
+        let Plant { design, rod, water, perimeter, hull_mass, hull_drag, .. } = self;
+        let (hull_mass, hull_drag) = (*hull_mass, *hull_drag);
+        Body { design, rod, water, perimeter, hull_mass, hull_drag }
+    }
+}
+
+impl<R: Real> Body<'_, R> {
     /// Lets the water act on a fin in this motion.
     #[inline(always)]
     pub(super) fn gather_water<G: Gather<R>>(&self, x: &[Vec2<R>], v: &[Vec2<R>], gather: &mut G) {
-        self.water.act(self.design.hydrodynamics, &self.perimeter, x, v, gather);
+        self.water.act(self.design.hydrodynamics, self.perimeter, x, v, gather);
     }
 
     /// What the drive must add at each node,
@@ -95,7 +115,7 @@ impl<R: Real> Plant<R> {
         let nodes = x.len();
         self.structure(star, rate, x, v, residual);
         matrix.clear();
-        add_stiffness(&self.rod, x, v, R::zero(), rate, 0, matrix);
+        add_stiffness(self.rod, x, v, R::zero(), rate, 0, matrix);
         let rate2 = rate * rate;
         for i in 0..nodes {
             let inertia = self.rod.mass[i] * rate2;
@@ -139,7 +159,7 @@ impl<R: Real> Plant<R> {
         v: &[Vec2<R>],
         residual: &mut [Vec2<R>],
     ) {
-        forces(&self.rod, x, v, residual);
+        forces(self.rod, x, v, residual);
         for i in 0..x.len() {
             let impulse = (v[i] - star.v[i]).scale(self.rod.mass[i]) - star.p[i];
             residual[i] = impulse.scale(rate) - residual[i];
@@ -150,8 +170,7 @@ impl<R: Real> Plant<R> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fin::plant::{Design, Scheme};
-    use crate::fin::{Geometry, Parameters};
+    use crate::fin::{Geometry, Parameters, Scheme};
     use crate::fluid::Hydrodynamics;
     use crate::seed::Stream;
 
@@ -183,10 +202,10 @@ mod tests {
             let evaluate = |x: &[Vec2<f64>], matrix: &mut Banded<f64>| {
                 let v: Vec<_> = (0..8).map(|i| (x[i] - star.x[i]).scale(rate)).collect();
                 let mut residual = vec![Vec2::zero(); 8];
-                plant.linearise(&star, rate, x, &v, &mut residual, matrix);
+                plant.body().linearise(&star, rate, x, &v, &mut residual, matrix);
                 let mut whole = Instant { x: x.to_vec(), v, p: vec![Vec2::zero(); 8] };
                 let mut again = residual.clone();
-                plant.balance(&star, rate, &mut whole, &mut again);
+                plant.body().balance(&star, rate, &mut whole, &mut again);
                 for (a, b) in residual.iter().zip(&again) {
                     let gap = (a.x - b.x).abs() + (a.y - b.y).abs();
                     assert!(gap < 1e-9, "{name}: the two residuals differ by {gap}");

@@ -3,7 +3,7 @@
 use super::config::{Config, KEYWORDS, Setup};
 use super::geometry::Geometry;
 use super::parameters::Parameters;
-use super::plant::{Design, Loads, Plant, Scheme};
+use super::plant::{Design, Loads, Plant};
 use super::rig::Rig;
 use super::servo::{Servo, Ticks};
 use crate::env::NodeState;
@@ -15,6 +15,7 @@ use crate::lane::{Lanewise, Real};
 use crate::rod;
 use crate::simulation::{Named, Simulation, pairs, unknown};
 use crate::snapshot::Numbers;
+use crate::solver::Scheme;
 use crate::vec2::Vec2;
 use serde_json::{Map, Value, json};
 
@@ -229,7 +230,7 @@ impl BareFin {
         // Without velocity the damping vanishes, and a fin has no gravity.
         rod::forces(&plant.rod, &x, &still, &mut elastic);
         let mut water = ByKind::new(x.len());
-        plant.gather_water(&x, &v, &mut water);
+        plant.body().gather_water(&x, &v, &mut water);
         let energy = rod::energy(&plant.rod, &x, &v);
         Ok(Forces {
             elastic: points(&elastic),
@@ -248,7 +249,7 @@ impl BareFin {
         let (x, v) = (&plant.now.x, &plant.now.v);
         let energy = rod::energy(&plant.rod, x, v);
         let mut water = ByKind::new(x.len());
-        plant.gather_water(x, v, &mut water);
+        plant.body().gather_water(x, v, &mut water);
         let mut kinetic = energy.kinetic;
         if plant.design.free_swimming {
             let speed = v[plant.design.geometry.pivot].x;

@@ -1,51 +1,34 @@
-//! Implicit time steps of the fin, by Newton's method in lanes.
+//! A physics step of the fin, as a system that the solver steps.
 //!
 //! Added mass is part of the implicit balance (the water that moves with the tail is fifteen times
-//! heavier than the tail itself: an explicit coupling diverges). A step that does not converge is cut into
-//! halves, quarters, ... of backward Euler; only when the smallest parts fail is the lane reported.
+//! heavier than the tail itself: an explicit coupling diverges).
 
-use super::plant::{Instant, Loads, Plant, Scheme};
+use super::plant::{Instant, Loads, Plant};
+use super::residual::Body;
 use crate::lane::{Lanewise, Mask, Real};
-use crate::linear::Banded;
+use crate::linear::{Banded, Border};
+use crate::solver::{Part, Stage, System};
 use crate::vec2::Vec2;
 
-/// Newton iterations before a step is given up.
-const ITERATIONS: usize = 12;
 /// Newton has converged when the coordinates together move by less than this \[m\]. Convergence is quadratic: the
 /// iterate after such a move is exact to rounding.
 const TOLERANCE: f64 = 1e-7;
-/// A failed step is tried in 2, 4, ... 2^HALVINGS parts.
-const HALVINGS: u32 = 6;
 
 /// Memory that a step needs, kept so that it allocates nothing.
 #[derive(Clone, Debug)]
 pub(super) struct Workspace<R> {
-    star: Instant<R>,
-    next: Instant<R>,
-    /// Before a step that is taken in parts.
-    start: Instant<R>,
     residual: Vec<Vec2<R>>,
     pub(super) momentum: Vec<Vec2<R>>,
     matrix: Banded<R>,
-    right: Vec<R>,
-    border: Vec<R>,
-    border_row: Vec<R>,
+    right: Vec<Vec2<R>>,
+    border: Border<R>,
 }
 
 impl<R: Real> Workspace<R> {
     pub(super) fn new(nodes: usize) -> Self {
-        let numbers = || vec![R::zero(); 2 * nodes];
-        Workspace {
-            star: Instant::new(nodes),
-            next: Instant::new(nodes),
-            start: Instant::new(nodes),
-            residual: vec![Vec2::zero(); nodes],
-            momentum: vec![Vec2::zero(); nodes],
-            matrix: Banded::new(nodes),
-            right: numbers(),
-            border: numbers(),
-            border_row: numbers(),
-        }
+        let zeros = || vec![Vec2::zero(); nodes];
+        let (matrix, border) = (Banded::new(nodes), Border::new(nodes));
+        Workspace { residual: zeros(), momentum: zeros(), matrix, right: zeros(), border }
     }
 }
 
@@ -54,187 +37,167 @@ impl<R: Real> Plant<R> {
     /// the others keep their state.
     #[inline(always)]
     pub fn step(&mut self, pitch: R) -> R::Mask {
-        let dt = self.design.physics_dt;
-        let bdf2 = match self.design.scheme {
-            Scheme::BackwardEuler => R::zero(),
-            Scheme::Bdf2 => self.history,
-        };
-        let mut work = std::mem::replace(&mut self.work, Workspace::new(0));
-        let (taken, loads) = self.attempt(&mut work, pitch, dt, bdf2);
-        self.accept(taken, &mut work, pitch, &loads);
-        self.work = work;
-        if taken.all() { taken } else { taken.or(self.step_in_parts(taken.not(), pitch)) }
+        let Plant { design, rod, water, perimeter, hull_mass, hull_drag, .. } = self;
+        let (hull_mass, hull_drag) = (*hull_mass, *hull_drag);
+        let body = Body { design, rod, water, perimeter, hull_mass, hull_drag };
+        let (now, work, loads) = (&mut self.now, &mut self.work, Loads::default());
+        let (arm, from, to) = (Vec2::zero(), self.pitch, pitch);
+        let mut swing = Swing { body, now, work, from, to, arm, loads, mean: loads };
+        let taken = self.solver.step(&mut swing, &mut self.past, R::Mask::splat(true));
+        self.loads.take(taken, &swing.mean);
+        self.pitch = R::select(taken, pitch, from);
+        taken
     }
+}
 
-    /// Solves for the end of a step of `dt` seconds into `work.next`; BDF2 where `bdf2` is 1, backward
-    /// Euler where it is 0. Returns where Newton converged, and the loads.
-    #[inline(always)]
-    fn attempt(&self, work: &mut Workspace<R>, pitch: R, dt: f64, bdf2: R) -> (R::Mask, Loads<R>) {
-        let nodes = self.now.x.len();
-        let third = bdf2 * R::splat(1.0 / 3.0);
-        let newer = R::one() + third;
-        let h = R::splat(dt) * (R::one() - third);
-        let rate = R::one() / h;
-        let blend = |new: Vec2<R>, old: Vec2<R>| new.scale(newer) - old.scale(third);
-        for i in 0..nodes {
-            work.star.x[i] = blend(self.now.x[i], self.before.x[i]);
-            work.star.v[i] = blend(self.now.v[i], self.before.v[i]);
-            work.star.p[i] = blend(self.now.p[i], self.before.p[i]);
-            work.next.x[i] = self.now.x[i] + self.now.v[i].scale(R::splat(dt));
-        }
-        let (pivot, driven) = (self.design.geometry.pivot, self.design.geometry.pivot + 1);
-        let arm = R::splat(self.design.geometry.edge_length);
-        let arm = Vec2::new(arm * pitch.cos(), arm * pitch.sin());
-        if !self.design.free_swimming {
-            work.next.x[pivot] = self.now.x[pivot];
-        }
-        work.next.x[pivot].y = self.now.x[pivot].y;
-        work.next.x[driven] = work.next.x[pivot] + arm;
+/// A fin whose driven edge swings from one pitch to another in a step.
+struct Swing<'a, R> {
+    body: Body<'a, R>,
+    now: &'a mut Instant<R>,
+    work: &'a mut Workspace<R>,
+    /// Pitch at the start and at the end of the step \[rad\].
+    from: R,
+    to: R,
+    /// The driven edge at the end of the stage \[m\].
+    arm: Vec2<R>,
+    /// Loads at the end of the stage, and their mean over the parts of the step that were taken.
+    loads: Loads<R>,
+    mean: Loads<R>,
+}
 
-        let tolerance = R::splat(TOLERANCE);
-        let mut active = R::Mask::splat(true);
-        let mut converged = R::Mask::splat(false);
-        for _ in 0..ITERATIONS {
-            self.velocities(work, rate);
-            let moves = self.newton_update(work, rate, active);
-            let small = moves.lt(tolerance).and(active);
-            converged = converged.or(small);
-            active = active.and(small.not()).and(moves.is_finite());
-            if !active.any() {
-                break;
-            }
-        }
-        self.velocities(work, rate);
-        let mut loads = self.balance(&work.star, rate, &mut work.next, &mut work.residual);
-        // The residual at the two prescribed nodes is the force of the drive.
-        let (hold, push) = (work.residual[pivot], work.residual[driven]);
-        loads.mount_thrust = hold.x + push.x;
-        loads.torque = arm.cross(push);
-        loads.power = push.dot(work.next.v[driven] - work.next.v[pivot]);
-        loads.positive_power = loads.power.max(R::zero());
-        (converged.and(loads.power.is_finite()).and(loads.thrust.is_finite()), loads)
-    }
-
+impl<R: Real> Swing<'_, R> {
     /// Velocities of the iterate, `(x - x*)/h`.
     #[inline(always)]
-    fn velocities(&self, work: &mut Workspace<R>, rate: R) {
-        for i in 0..work.next.x.len() {
-            work.next.v[i] = (work.next.x[i] - work.star.x[i]).scale(rate);
+    fn velocities(&mut self, rate: R, origin: &Instant<R>) {
+        for i in 0..self.now.x.len() {
+            self.now.v[i] = (self.now.x[i] - origin.x[i]).scale(rate);
         }
     }
+}
 
-    /// One Newton iteration on the lanes of `active`; returns the sum of all moves \[m\].
+impl<R: Real> System<R> for Swing<'_, R> {
+    type State = Instant<R>;
+
     #[inline(always)]
-    fn newton_update(&self, work: &mut Workspace<R>, rate: R, active: R::Mask) -> R {
-        let nodes = self.now.x.len();
-        let (pivot, driven) = (self.design.geometry.pivot, self.design.geometry.pivot + 1);
-        let Workspace { star, next, residual, matrix, right, border, border_row, .. } = work;
-        self.linearise(star, rate, &next.x, &next.v, residual, matrix);
-        for i in 0..nodes {
-            right[2 * i] = -residual[i].x;
-            right[2 * i + 1] = -residual[i].y;
+    fn state(&mut self) -> &mut Instant<R> {
+        self.now
+    }
+
+    #[inline(always)]
+    fn predict(
+        &mut self,
+        stage: &Stage<R>,
+        start: &Instant<R>,
+        before: &Instant<R>,
+        origin: &mut Instant<R>,
+    ) {
+        let Instant { x, v, p } = &mut *self.now;
+        for i in 0..x.len() {
+            origin.x[i] = stage.origin(start.x[i], x, &before.x, i);
+            origin.v[i] = stage.origin(start.v[i], v, &before.v, i);
+            origin.p[i] = stage.origin(start.p[i], p, &before.p, i);
+            x[i] = start.x[i] + start.v[i].scale(stage.elapsed);
         }
-        let hull = if self.design.free_swimming {
+        let mut pitch = self.to;
+        if stage.end < 1.0 {
+            pitch = self.from + R::splat(stage.end) * (self.to - self.from);
+        }
+        let design = self.body.design;
+        let (pivot, edge) = (design.geometry.pivot, R::splat(design.geometry.edge_length));
+        self.arm = Vec2::new(edge * pitch.cos(), edge * pitch.sin());
+        if !design.free_swimming {
+            x[pivot] = start.x[pivot];
+        }
+        x[pivot].y = start.x[pivot].y;
+        x[pivot + 1] = x[pivot] + self.arm;
+    }
+
+    #[inline(always)]
+    fn correct(&mut self, stage: &Stage<R>, origin: &Instant<R>, active: R::Mask) -> (R, R::Mask) {
+        let rate = stage.rate;
+        self.velocities(rate, origin);
+        let Swing { body, now, work, .. } = self;
+        let Workspace { residual, matrix, right, border, .. } = &mut **work;
+        body.linearise(origin, rate, &now.x, &now.v, residual, matrix);
+        let nodes = now.x.len();
+        for i in 0..nodes {
+            right[i] = -residual[i];
+        }
+        let pivot = body.design.geometry.pivot;
+        let driven = pivot + 1;
+        let (mut balance, mut slope) = (R::zero(), R::one());
+        if body.design.free_swimming {
             // Residual and derivative of the hull's own balance,
             // M_h dV/dt + drag(V) + (reactions)_x = 0, with V that of the pivot.
-            let (speed, earlier) = (next.v[pivot].x, star.v[pivot].x);
-            let inertia = self.hull_mass * rate;
-            let drag = self.hull_drag * speed.abs();
-            let balance =
+            let (speed, earlier) = (now.v[pivot].x, origin.v[pivot].x);
+            let inertia = body.hull_mass * rate;
+            let drag = body.hull_drag * speed.abs();
+            balance =
                 inertia * (speed - earlier) + drag * speed + residual[pivot].x + residual[driven].x;
-            let mut slope = (inertia + drag + drag) * rate;
-            for j in 0..2 * nodes {
-                border[j] = matrix.get(j, 2 * pivot) + matrix.get(j, 2 * driven);
-                border_row[j] = matrix.get(2 * pivot, j) + matrix.get(2 * driven, j);
+            slope = (inertia + drag + drag) * rate;
+            let (p, d) = (2 * pivot, 2 * driven);
+            for j in 0..nodes {
+                let column = |row: usize| matrix.get(row, p) + matrix.get(row, d);
+                let row = |column: usize| matrix.get(p, column) + matrix.get(d, column);
+                border.column[j] = Vec2::new(column(2 * j), column(2 * j + 1));
+                border.row[j] = Vec2::new(row(2 * j), row(2 * j + 1));
             }
-            slope += border_row[2 * pivot] + border_row[2 * driven];
-            Some((balance, slope))
-        } else {
-            None
-        };
+            slope += border.row[pivot].x + border.row[driven].x;
+        }
         for node in [pivot, driven] {
             matrix.hold(node);
-            for row in [2 * node, 2 * node + 1] {
-                right[row] = R::zero();
-                border[row] = R::zero();
-            }
+            right[node] = Vec2::zero();
+            border.column[node] = Vec2::zero();
         }
         matrix.factor();
         matrix.solve(right);
-        if let Some((balance, slope)) = hull {
-            // Bordered system: eliminate the free coordinates, then substitute back.
-            matrix.solve(border);
-            let (mut above, mut below) = (-balance, slope);
-            for j in 0..2 * nodes {
-                above -= border_row[j] * right[j];
-                below -= border_row[j] * border[j];
-            }
-            let surge = above / below;
-            for j in 0..2 * nodes {
-                right[j] -= border[j] * surge;
-            }
-            right[2 * pivot] = surge;
-            right[2 * driven] = surge;
+        if body.design.free_swimming {
+            matrix.solve(&mut border.column);
+            let surge = border.close(slope, -balance, right);
+            right[pivot].x = surge;
+            right[driven].x = surge;
         }
-        let mut moves = R::zero();
+        let mut moved = R::zero();
         for i in 0..nodes {
-            let x = next.x[i];
-            let moved = Vec2::new(x.x + right[2 * i], x.y + right[2 * i + 1]);
-            next.x[i] = Vec2::select(active, moved, x);
+            now.x[i] = Vec2::select(active, now.x[i] + right[i], now.x[i]);
             // A sum, because a maximum would drop a NaN.
-            moves += right[2 * i].abs() + right[2 * i + 1].abs();
+            moved += right[i].x.abs() + right[i].y.abs();
         }
-        moves
+        (moved, R::Mask::splat(true))
     }
 
-    /// Makes `work.next` the present, where the mask is set.
     #[inline(always)]
-    fn accept(&mut self, mask: R::Mask, work: &mut Workspace<R>, pitch: R, loads: &Loads<R>) {
-        self.before.take(mask, &self.now);
-        self.now.take(mask, &work.next);
-        self.history = R::select(mask, R::one(), self.history);
-        self.pitch = R::select(mask, pitch, self.pitch);
-        self.loads.take(mask, loads);
+    fn tolerance(&self) -> R {
+        R::splat(TOLERANCE)
     }
 
-    /// Takes the step again where it has not been taken, in 2, 4, ... parts of backward Euler with the pitch
-    /// interpolated; the loads are means over the parts. Returns where that went well; elsewhere the fin
-    /// keeps its state.
-    #[cold]
-    #[inline(never)]
-    fn step_in_parts(&mut self, failed: R::Mask, pitch: R) -> R::Mask {
-        let mut work = std::mem::replace(&mut self.work, Workspace::new(0));
-        let from = self.pitch;
-        work.start.copy_from(&self.now);
-        let mut left = failed;
-        for halving in 1..=HALVINGS {
-            let parts = 1u32 << halving;
-            let dt = self.design.physics_dt / f64::from(parts);
-            let mut mean = Loads::default();
-            let mut going = left;
-            for part in 1..=parts {
-                let share = R::splat(f64::from(part) / f64::from(parts));
-                let target = from + share * (pitch - from);
-                let (taken, loads) = self.attempt(&mut work, target, dt, R::zero());
-                going = going.and(taken);
-                if !going.any() {
-                    break;
-                }
-                mean.add(R::splat(1.0 / f64::from(parts)), &loads);
-                self.now.take(going, &work.next);
-                self.pitch = R::select(going, target, self.pitch);
-            }
-            self.before.take(going, &work.start);
-            self.history = R::select(going, R::one(), self.history);
-            self.loads.take(going, &mean);
-            left = left.and(going.not());
-            self.now.take(left, &work.start);
-            self.pitch = R::select(left, from, self.pitch);
-            if !left.any() {
-                break;
-            }
+    #[inline(always)]
+    fn complete(&mut self, stage: &Stage<R>, origin: &Instant<R>) -> R::Mask {
+        self.velocities(stage.rate, origin);
+        let residual = &mut self.work.residual;
+        let mut loads = self.body.balance(origin, stage.rate, self.now, residual);
+        // The residual at the two prescribed nodes is the force of the drive.
+        let pivot = self.body.design.geometry.pivot;
+        let (hold, push) = (residual[pivot], residual[pivot + 1]);
+        loads.mount_thrust = hold.x + push.x;
+        loads.torque = self.arm.cross(push);
+        loads.power = push.dot(self.now.v[pivot + 1] - self.now.v[pivot]);
+        loads.positive_power = loads.power.max(R::zero());
+        self.loads = loads;
+        loads.power.is_finite().and(loads.thrust.is_finite())
+    }
+
+    #[inline(always)]
+    fn accept(&mut self, part: &Part<R::Mask>) {
+        let (lanes, share) = (part.lanes, R::splat(part.size));
+        if part.from == 0.0 {
+            self.mean.pair(&self.loads, &mut |mean, load| {
+                *mean = R::select(lanes, share * *load, *mean);
+            });
+        } else {
+            self.mean.pair(&self.loads, &mut |mean, load| {
+                *mean = R::select(lanes, *mean + share * *load, *mean);
+            });
         }
-        self.work = work;
-        failed.and(left.not())
     }
 }

@@ -97,12 +97,24 @@ list!(Vec<T>, Vec<T::Of<S>>);
 list!([T; N], [T::Of<S>; N], N);
 
 /// Makes a structure of numbers in lanes `Lanewise`, by the one list of the fields that belong to it, in their order:
-/// `lanewise!(Vec2: x, y);`. Other fields, such as memory for a computation, are left alone.
+/// `lanewise!(Vec2: x, y);`, or with other such data as a parameter `lanewise!(Past<S>: before, known);`. Other fields,
+/// such as memory for a computation, are left alone.
 #[macro_export]
 macro_rules! lanewise {
     ($name:ident: $($field:ident),+) => {
-        impl<R: $crate::lane::Real> $crate::lane::Lanewise<R> for $name<R> {
-            type Of<S: $crate::lane::Real> = $name<S>;
+        $crate::lanewise!(@ [], $name<R>, $name<N>, $($field),+);
+    };
+    ($name:ident<$data:ident>: $($field:ident),+) => {
+        $crate::lanewise!(
+            @ [$data: $crate::lane::Lanewise<R>],
+            $name<R, $data>,
+            $name<N, <$data as $crate::lane::Lanewise<R>>::Of<N>>,
+            $($field),+
+        );
+    };
+    (@ [$($data:tt)*], $this:ty, $other:ty, $($field:ident),+) => {
+        impl<R: $crate::lane::Real, $($data)*> $crate::lane::Lanewise<R> for $this {
+            type Of<N: $crate::lane::Real> = $other;
 
             #[inline(always)]
             fn visit<F: FnMut(&R) + ?Sized>(&self, f: &mut F) {
@@ -113,9 +125,9 @@ macro_rules! lanewise {
                 $($crate::lane::Lanewise::visit_mut(&mut self.$field, f);)+
             }
             #[inline(always)]
-            fn pair<S: $crate::lane::Real, F: FnMut(&mut R, &S) + ?Sized>(
+            fn pair<N: $crate::lane::Real, F: FnMut(&mut R, &N) + ?Sized>(
                 &mut self,
-                other: &$name<S>,
+                other: &$other,
                 f: &mut F,
             ) {
                 $($crate::lane::Lanewise::pair(&mut self.$field, &other.$field, f);)+

@@ -96,16 +96,14 @@ impl<R: Real> Banded<R> {
 
     /// Solves for one right-hand side in place, after `factor`.
     #[inline(always)]
-    pub fn solve(&self, b: &mut [R]) {
+    pub fn solve(&self, b: &mut [Vec2<R>]) {
         let mut descent = Descent::default();
         for (i, hook) in self.hooks.iter().enumerate() {
-            let y = descent.pass(hook, Vec2::new(b[2 * i], b[2 * i + 1]));
-            [b[2 * i], b[2 * i + 1]] = [y.x, y.y];
+            b[i] = descent.pass(hook, b[i]);
         }
         let mut ascent = Ascent::default();
         for (i, hook) in self.hooks.iter().enumerate().rev() {
-            let x = ascent.pass(&hook.right, Vec2::new(b[2 * i], b[2 * i + 1]));
-            [b[2 * i], b[2 * i + 1]] = [x.x, x.y];
+            b[i] = ascent.pass(&hook.right, b[i]);
         }
     }
 }
@@ -132,10 +130,11 @@ mod tests {
             let n = 2 * blocks;
             let dense = DMatrix::from_fn(n, n, |r, c| matrix.get(r, c));
             let b = DVector::from_fn(n, |_, _| stream.uniform(-1.0, 1.0));
-            let mut x: Vec<f64> = b.iter().copied().collect();
+            let mut x: Vec<_> = (0..blocks).map(|i| Vec2::new(b[2 * i], b[2 * i + 1])).collect();
             matrix.factor();
             matrix.solve(&mut x);
-            let residual = &dense * DVector::from_vec(x) - &b;
+            let x = DVector::from_iterator(n, x.iter().flat_map(|p| [p.x, p.y]));
+            let residual = &dense * x - &b;
             assert!(residual.amax() < 1e-13, "{blocks} blocks: residual {}", residual.amax());
         }
     }

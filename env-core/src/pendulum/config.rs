@@ -5,8 +5,8 @@ use crate::error::{Error, Result};
 use crate::keywords::{Allowed, Keyword, RANDOMIZE, Reader, whole};
 use crate::lane::Real;
 use crate::rod::Uniform;
+use crate::solver::Scheme;
 use crate::spec::Parameter;
-use crate::stepper::Scheme;
 use serde_json::{Map, Value};
 
 /// Which numbers the agent sees.

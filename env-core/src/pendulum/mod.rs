@@ -22,7 +22,7 @@ use crate::lane::{Lanewise, Mask, Real};
 use crate::rod::curvature;
 use crate::seed::Stream;
 use crate::simulation::Simulation;
-use crate::stepper::Scheme;
+use crate::solver::Scheme;
 use config::{at, verlet_limit};
 use serde_json::{Map, Value, json};
 

@@ -5,7 +5,7 @@ use crate::lane::{Lanewise, Mask, Real};
 use crate::lanewise;
 use crate::rod::{Motion, Rod};
 use crate::seed::Stream;
-use crate::stepper::{Constant, Integrator};
+use crate::solver::{Constant, Integrator};
 use crate::vec2::Vec2;
 
 /// Pendulums side by side.
@@ -25,7 +25,7 @@ pub struct Plant<R: Real> {
     pub action: R,
     /// How the rod stood and moved after the last control step.
     pub posture: Posture<R>,
-    integrator: Integrator<R>,
+    pub(super) integrator: Integrator<R>,
     /// Where the start of one lane is made, so that an episode begins without taking memory.
     draft: (Rod<f64>, Motion<f64>),
 }
@@ -57,7 +57,7 @@ pub enum State {
     Nodes(Vec<[f64; 2]>, Vec<[f64; 2]>),
 }
 
-lanewise!(Plant: parameters, rod, motion, commands, torque, action);
+lanewise!(Plant: parameters, rod, motion, integrator, commands, torque, action);
 
 impl<R: Real> Plant<R> {
     /// All lanes hang straight down at rest, with the first value of each parameter's range.
@@ -128,6 +128,7 @@ impl<R: Real> Plant<R> {
         pose(rod, motion);
         Integrator::<f64>::prepare(config.scheme, rod, motion);
         self.motion.set_lane(lane, motion);
+        self.integrator.forget(lane, &self.motion);
         for command in &mut self.commands {
             command.set(lane, 0.0);
         }

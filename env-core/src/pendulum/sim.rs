@@ -10,7 +10,7 @@ use crate::lane::{Lanewise, Real};
 use crate::rod::{Energy, Motion, Rod, energy};
 use crate::simulation::{Named, Simulation, unknown};
 use crate::snapshot::Numbers;
-use crate::stepper::{Constant, Drive, Feedback, Integrator, Scheme};
+use crate::solver::{Constant, Drive, Feedback, Integrator, Scheme};
 use crate::vec2::Vec2;
 use serde_json::{Map, Value, json};
 
@@ -62,6 +62,7 @@ impl BarePendulum {
         let mut sim = BarePendulum::at_rest(config, values, rod);
         plant.rod.read_lane(lane, &mut sim.rod);
         plant.motion.read_lane(lane, &mut sim.motion);
+        plant.integrator.read_lane(lane, &mut sim.integrator);
         sim
     }
 
@@ -104,6 +105,7 @@ impl BarePendulum {
 
     fn restart(&mut self) {
         Integrator::<f64>::prepare(self.config.scheme, &self.rod, &mut self.motion);
+        self.integrator.forget(0, &self.motion);
         self.steps = 0;
     }
 
@@ -277,5 +279,6 @@ impl Simulation for BarePendulum {
 impl Numbers for BarePendulum {
     fn visit(&mut self, f: &mut dyn FnMut(&mut f64)) {
         self.motion.visit_mut(f);
+        self.integrator.visit_mut(f);
     }
 }

@@ -1,0 +1,165 @@
+//! A rod whose first node is pinned and whose first edge bears a torque, as a system of implicit steps.
+//!
+//! Every stage solves `M (v - v*)/h = F(x, v)` with `v = (x - x*)/h`. It begins with the acceleration that a straight
+//! line through those of the last two stages gives. Where the motion is smooth that is so close that one iteration is
+//! enough.
+
+use super::{Drive, FOLDED, Stage, System};
+use crate::lane::Real;
+use crate::linear::{Ascent, Block, Border, Descent, Front};
+use crate::rod::{Motion, Rod, Shape, linearise};
+use crate::vec2::Vec2;
+
+/// A stage has converged when what remains is below this share of the rod's length. Convergence is quadratic: after a
+/// correction d (the sum over all coordinates) no more than about d^2 over the length of an edge.
+const TOLERANCE: f64 = 1e-10;
+
+/// Memory for the elimination of one block of rods.
+#[derive(Clone, Debug, Default)]
+pub struct Elimination<R> {
+    /// Of each node but the first, what elimination leaves.
+    rows: Vec<Row<R>>,
+    /// For torques that depend on the state: corrections at constant torque, and the border that the torque is.
+    at_torque: Vec<Vec2<R>>,
+    border: Border<R>,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Row<R> {
+    right: [Block<R>; 2],
+    y: Vec2<R>,
+}
+
+impl<R: Real> Elimination<R> {
+    /// Memory for rods of `nodes` nodes.
+    pub fn new(nodes: usize) -> Self {
+        Elimination {
+            rows: vec![Row::default(); nodes - 1],
+            at_torque: vec![Vec2::zero(); nodes],
+            border: Border::new(nodes),
+        }
+    }
+}
+
+/// Rods in motion under a drive.
+pub struct Pinned<'a, R, D> {
+    /// Geometry and material.
+    pub rod: &'a Rod<R>,
+    /// Positions and velocities, and the accelerations of the last two stages.
+    pub motion: &'a mut Motion<R>,
+    /// The torque at the base.
+    pub drive: &'a D,
+    /// Memory.
+    pub work: &'a mut Elimination<R>,
+}
+
+impl<R: Real, D: Drive<R>> System<R> for Pinned<'_, R, D> {
+    type State = Motion<R>;
+
+    #[inline(always)]
+    fn state(&mut self) -> &mut Motion<R> {
+        self.motion
+    }
+
+    #[inline(always)]
+    fn predict(
+        &mut self,
+        stage: &Stage<R>,
+        start: &Motion<R>,
+        before: &Motion<R>,
+        origin: &mut Motion<R>,
+    ) {
+        // A stiff law of the state throws the torque about, and the equations have several solutions: no guess
+        // ahead of what was.
+        let ahead = if D::FEEDBACK { R::zero() } else { stage.ahead };
+        let Motion { x, v, a, a_before } = &mut *self.motion;
+        std::mem::swap(a, a_before);
+        for i in 1..x.len() {
+            let x0 = stage.origin(start.x[i], x, &before.x, i);
+            let v0 = stage.origin(start.v[i], v, &before.v, i);
+            (origin.x[i], origin.v[i]) = (x0, v0);
+            let guess = a_before[i] + (a_before[i] - a[i]).scale(ahead);
+            v[i] = v0 + guess.scale(stage.h);
+            x[i] = x0 + v[i].scale(stage.h);
+        }
+    }
+
+    #[inline(always)]
+    fn correct(&mut self, stage: &Stage<R>, origin: &Motion<R>, active: R::Mask) -> (R, R::Mask) {
+        let (nodes, rate) = (self.rod.nodes(), stage.rate);
+        let Elimination { rows, at_torque, border } = &mut *self.work;
+        let Motion { x, v, a, .. } = &mut *self.motion;
+        let torque = self.drive.torque(x, v);
+        let shape = reduce(self.rod, x, v, Some(origin), torque, rate, rows);
+        if D::FEEDBACK {
+            // A change z of the torque adds the column that a unit of it is, taken negative, and the row
+            // `gradient . x = z`.
+            substitute(rows, at_torque);
+            reduce(self.rod, x, v, None, torque, rate, rows);
+            substitute(rows, &mut border.column);
+            self.drive.gradient(x, v, rate, &mut border.row);
+            border.close(R::one(), R::zero(), at_torque);
+            for i in 1..nodes {
+                rows[i - 1] = Row { y: at_torque[i], ..Row::default() };
+            }
+        }
+        let mut ascent = Ascent::default();
+        let mut moved = R::zero();
+        for i in (1..nodes).rev() {
+            let correction = ascent.pass(&rows[i - 1].right, rows[i - 1].y);
+            x[i] = Vec2::select(active, x[i] + correction, x[i]);
+            // (`max` would drop a NaN.)
+            moved += correction.x.abs() + correction.y.abs();
+            v[i] = (x[i] - origin.x[i]).scale(rate);
+            a[i] = (v[i] - origin.v[i]).scale(rate);
+        }
+        (moved, R::splat(FOLDED).lt(shape.openness))
+    }
+
+    #[inline(always)]
+    fn tolerance(&self) -> R {
+        let length = (self.rod.nodes() - 1) as f64;
+        self.rod.rest[0] * R::splat((TOLERANCE * length).sqrt())
+    }
+}
+
+/// One sweep down the rod: linearises about (x, v) and eliminates node by node. The right-hand side is the force
+/// that a stage which starts from `origin` lacks; without one, the force of a unit torque at the base.
+#[inline(always)]
+fn reduce<R: Real>(
+    rod: &Rod<R>,
+    x: &[Vec2<R>],
+    v: &[Vec2<R>],
+    origin: Option<&Motion<R>>,
+    torque: R,
+    rate: R,
+    rows: &mut [Row<R>],
+) -> Shape<R> {
+    let (mut front, mut descent) = (Front::default(), Descent::default());
+    let mut sweep = linearise(rod, x, v, torque, rate);
+    // The first node is pinned.
+    sweep.next();
+    for i in 1..rod.nodes() {
+        let Some((force, mut hook)) = sweep.next() else { break };
+        let inertia = rod.mass[i] * rate;
+        hook.diagonal[0][0] += inertia * rate;
+        hook.diagonal[1][1] += inertia * rate;
+        let right = match origin {
+            Some(origin) => force - (v[i] - origin.v[i]).scale(inertia),
+            None if i == 1 => sweep.shape.base,
+            None => Vec2::zero(),
+        };
+        let hook = front.eliminate(&hook);
+        rows[i - 1] = Row { right: hook.right, y: descent.pass(&hook, right) };
+    }
+    sweep.shape
+}
+
+/// The way back up, to the solution at every node but the first.
+#[inline(always)]
+fn substitute<R: Real>(rows: &[Row<R>], solution: &mut [Vec2<R>]) {
+    let mut ascent = Ascent::default();
+    for (i, row) in rows.iter().enumerate().rev() {
+        solution[i + 1] = ascent.pass(&row.right, row.y);
+    }
+}
