@@ -1,9 +1,9 @@
 //! How the parameters of an episode are drawn, or set exactly.
 
 use crate::error::{Error, Result};
-use crate::keywords::{check_names, number};
+use crate::given::{check_names, number};
+use crate::keywords::Parameter;
 use crate::seed::Stream;
-use crate::spec::Parameter;
 use serde_json::{Map, Value};
 
 /// How a parameter is drawn for an episode.

@@ -3,9 +3,9 @@
 //! Layout, little-endian: `RODGYM`, version (u16), fingerprint of the environment's id and configuration (u32),
 //! length of the payload (u32), payload (postcard), CRC-32 of all before it.
 
-use crate::env::Spec;
 use crate::error::{Error, Result};
 use crate::seed::Stream;
+use crate::spec::Spec;
 use serde::{Deserialize, Serialize};
 
 const MAGIC: &[u8; 6] = b"RODGYM";

@@ -2,12 +2,15 @@
 
 use super::machine::Machine;
 use super::task::{Outcome, Scorer};
-use crate::env::{AutoresetMode, Scene, Spec, StepData};
+use crate::episodes::AutoresetMode;
 use crate::error::{Error, Result};
 use crate::isa::{Isa, Kernel, dispatch};
 use crate::lane::{Lanewise, Mask, Real};
+use crate::results::StepData;
+use crate::scene::Scene;
 use crate::seed::Stream;
 use crate::snapshot::Snapshot;
+use crate::spec::Spec;
 
 /// What the batch keeps of each environment beside its plant.
 #[derive(Clone, Debug, Default)]
