@@ -50,7 +50,7 @@ fn long_fin() -> Value {
 fn a_batch_takes_no_more_than_was_promised_for_it() {
     let factory: Factory = Arc::new(catalog::make);
     for catalog::Entry { id, machine, .. } in catalog::entries() {
-        let longest = match *machine {
+        let longest = match machine {
             "fin" => long_fin(),
             _ => json!({"nodes": 1001, "physics_dt": 0.01}),
         };
