@@ -1,5 +1,5 @@
-"""Promise: keywords and options arrive as they were sent, or are refused before, in the words that a
-local environment has for them."""
+"""Promise: keywords and options arrive as they were sent, or are refused before, in the words that
+a local environment has for them."""
 
 from __future__ import annotations
 
