@@ -7,6 +7,8 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from rodgym.evaluation.conditions import CHOSEN
+
 DEFAULT_ENV = "rodgym/PendulumSwingUp-v0"
 MAX_SEEDS = 100_000
 
@@ -45,7 +47,7 @@ def key_value(text: str) -> tuple[str, Any]:
 _PYTHONS = {"True": True, "False": False, "None": None}
 
 #: Arguments of environments that are the program's to choose.
-_OURS = ("num_envs", "num_threads", "autoreset_mode", "copy", "render_mode")
+_OURS = (*CHOSEN, "num_threads", "render_mode")
 
 
 def env_arg(text: str) -> tuple[str, Any]:

@@ -30,7 +30,9 @@ from typing import Any
 
 import rodgym
 from rodgym import _native, machines
+from rodgym._checks import episode_steps
 from rodgym._registration import REMOTE
+from rodgym.evaluation.conditions import CHOSEN
 from rodgym.machines import Column
 
 Case = dict[str, Any]
@@ -40,6 +42,7 @@ MAX_CASES = 1_000_000
 _TOP = ("title", "env", "seeds", "fixed", "sweep", "plot")
 _PLOT = ("x", "y", "value", "panel", "line")
 _PLAIN = ("policy", "seed")
+LIMIT = "env.max_episode_steps"
 
 
 class StudyError(rodgym.RodgymError, ValueError):
@@ -122,6 +125,10 @@ def parse(content: Mapping[str, Any], name: str) -> Study:
                 f"{key!r} is no key of a case in {env}: there are env.<keyword>, "
                 f"design.<keyword>, {', '.join((*_PLAIN, *starts))}"
             )
+        if (word := key.removeprefix("env.")) != key and word in (*CHOSEN, "num_threads"):
+            raise StudyError(f"{key!r} is not allowed: a study chooses it")
+    for limit in (*sweep.get(LIMIT, ()), fixed.get(LIMIT)):
+        episode_steps(limit)
     if both := sorted(set(fixed) & set(sweep)):
         raise StudyError(f"{both[0]!r} is both fixed and swept")
     if "policy" not in (*fixed, *sweep):
