@@ -63,7 +63,7 @@ def build_parser() -> argparse.ArgumentParser:
         prog="rodgym", description=DESCRIPTION, epilog=EPILOG, formatter_class=Formatter
     )
     parser.add_argument("--version", action="version", version=f"rodgym {__version__}")
-    subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    subparsers = parser.add_subparsers(dest="command", metavar="COMMAND")
     for name in command_names():
         command = load_command(name)
         examples = "".join(f"  {line.strip()}\n" for line in command.EXAMPLES.strip().splitlines())
@@ -85,6 +85,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     parser = build_parser()
     args = parser.parse_args(argv)
+    if args.command is None:
+        parser.print_help()
+        return 0
     try:
         return int(args.run(args))
     except (UsageError, RodgymError) as error:
