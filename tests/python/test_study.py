@@ -237,5 +237,5 @@ def test_a_study_that_could_not_be_drawn_is_not_run(tmp_path, monkeypatch, capsy
     monkeypatch.delitem(sys.modules, "rodgym.study.plot", raising=False)
     monkeypatch.delitem(sys.modules, "rodgym.report.style", raising=False)
     assert main(["study", "width"]) == 2
-    assert "rodgym[train]" in capsys.readouterr().err
+    assert "rodgym[report]" in capsys.readouterr().err
     assert not (tmp_path / "runs").exists()

@@ -12,6 +12,7 @@ from typing import Protocol
 
 from rodgym.cli import commands
 from rodgym.cli.arguments import UsageError
+from rodgym.extras import missing
 
 DESCRIPTION = "Elastic rods as reinforcement-learning environments."
 EPILOG = """\
@@ -94,11 +95,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         return refuse(args.command, str(error))
     except ImportError as error:
         # Our own modules may say it in their words; the cause then names the module.
-        missing = error.name or getattr(error.__cause__, "name", None) or ""
-        extra = EXTRAS.get(missing.partition(".")[0])
-        if extra is None:
+        name = error.name or getattr(error.__cause__, "name", None) or ""
+        said = missing([name.partition(".")[0]])
+        if said is None or "pip install" not in said:
             raise
-        return refuse(args.command, f"this needs {missing}: pip install 'rodgym[{extra}]'")
+        return refuse(args.command, said)
     except BrokenPipeError:
         # The reader has gone (`rodgym list | head`): nothing is left to say, not even at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -111,22 +112,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return 130
-
-
-#: Which extra of the package brings a module.
-EXTRAS = {
-    "stable_baselines3": "train",
-    "torch": "train",
-    "rich": "train",
-    "matplotlib": "train",
-    "jinja2": "train",
-    "yaml": "train",
-    "zmq": "remote",
-    "msgpack": "remote",
-    "ray": "ray",
-    "PIL": "render",
-    "pygame": "render",
-}
 
 
 def refuse(command: str, message: str) -> int:

@@ -68,6 +68,12 @@ class Study:
             swept = dict(zip(self.sweep, values, strict=True))
             yield {"env": self.env, "seeds": self.seeds, **self.fixed, **swept}
 
+    @property
+    def policies(self) -> list[str]:
+        """Every policy of its cases, once."""
+        fixed = [self.fixed["policy"]] if "policy" in self.fixed else []
+        return list(dict.fromkeys([*fixed, *self.sweep.get("policy", ())]))
+
     def __len__(self) -> int:
         count = 1
         for values in self.sweep.values():

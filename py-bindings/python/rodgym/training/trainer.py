@@ -25,9 +25,9 @@ from rodgym import _checks as checks
 from rodgym.evaluation import evaluate
 from rodgym.evaluation.conditions import conditions
 from rodgym.evaluation.policies import CARD, Policy, Stacked
+from rodgym.progress import Bar, interrupt_flag
 from rodgym.runs import Run, versions, write_csv
 from rodgym.training.own_actions import OwnActions
-from rodgym.training.progress import Bar, interrupt_flag
 from rodgym.training.recipe import Recipe, RecipeError, load_recipe
 
 #: Seeds that choose among the agent's stages. Tables are made on other ones (0 to 99 by default).

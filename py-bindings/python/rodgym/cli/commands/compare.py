@@ -70,6 +70,8 @@ def run(args: argparse.Namespace) -> int:
     import gymnasium as gym
 
     from rodgym import machines
+    from rodgym.cli.needs import REPORT, need, of_env, of_policy
+    from rodgym.cli.needs import TRAINING as TRAINS
     from rodgym.evaluation import load_policy
     from rodgym.runs import Run, default_name
 
@@ -77,6 +79,8 @@ def run(args: argparse.Namespace) -> int:
     if args.policy and asked:
         named = ", ".join("--set" if name == "changes" else f"--{name}" for name in asked)
         raise UsageError(f"{named}: nothing is trained where --policy is given")
+    policies = of_policy(*args.policy) if args.policy else TRAINS
+    need(*policies, *REPORT, *of_env(args.env))
     folder = Run(args.name or default_name("compare", args.env), args.runs)
     if not (args.policy or args.force):
         folder.keep_policy()

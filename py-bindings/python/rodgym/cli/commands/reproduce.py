@@ -24,8 +24,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     import importlib
 
+    from rodgym.cli.needs import need
     from rodgym.runs import Run
 
+    need("matplotlib", "jinja2")
     module = importlib.import_module(f"rodgym.reproduction.{args.chapter}")
     folder = Run(args.name or f"reproduce-{args.chapter}", args.runs)
     folder.write_facts()

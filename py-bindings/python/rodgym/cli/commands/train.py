@@ -61,8 +61,10 @@ def add_training(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
+    from rodgym.cli.needs import TRAINING, need, of_env
     from rodgym.runs import Run, default_name
 
+    need(*TRAINING, *of_env(args.env))
     folder = Run(args.name or default_name("train", args.env), args.runs)
     training = train(args, folder)
     folder.facts |= {"env": args.env, "seed": training.seed, "recipe": training.recipe.as_dict()}
