@@ -106,7 +106,7 @@ impl<'a> Reader<'a> {
         table: &'static [Keyword],
     ) -> Result<Self> {
         let names = parameters.iter().map(|p| p.name).chain(table.iter().map(|k| k.name));
-        check_names(given, &names.collect::<Vec<_>>())?;
+        check_keywords(given, &names.collect::<Vec<_>>())?;
         Ok(Reader { given, table, resolved: Map::new() })
     }
 
@@ -284,6 +284,14 @@ pub fn bare_names<'a>(
 ) -> Vec<&'static str> {
     let bare = keywords.iter().filter(|keyword| keyword.bare).map(|keyword| keyword.name);
     parameters.into_iter().map(|parameter| parameter.name).chain(bare).collect()
+}
+
+/// Refuses keywords that are not in `known`.
+pub fn check_keywords(given: &Map<String, Value>, known: &[&str]) -> Result<()> {
+    check_names(given, known).map_err(|error| match error {
+        Error::UnknownParameter { name, known } => Error::UnknownKeyword { name, known },
+        other => other,
+    })
 }
 
 /// Refuses names that are not in `known`.

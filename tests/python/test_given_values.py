@@ -297,4 +297,7 @@ def test_a_server_takes_the_same_values():
                     env.step(action)
                 messages.append(str(caught.value))
             assert messages[0] == messages[1]
+        with pytest.raises(TypeError, match="unexpected keyword argument 'frameskip'"):
+            rodgym.remote.connect(server.address, SWING_UP, 2, frameskip=1)
+        assert remote.autoreset_mode is AutoresetMode.NEXT_STEP
         remote.close(), single.close()

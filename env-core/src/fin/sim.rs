@@ -10,7 +10,7 @@ use crate::env::NodeState;
 use crate::error::{Error, Result};
 use crate::fluid::Hydrodynamics;
 use crate::fluid::terms::ByKind;
-use crate::keywords::{bare_names, check_names};
+use crate::keywords::{bare_names, check_keywords};
 use crate::lane::{Lanewise, Real};
 use crate::rod;
 use crate::simulation::{Named, Simulation, pairs, unknown};
@@ -107,7 +107,7 @@ impl BareFin {
     /// # Errors
     /// Unknown keywords and values outside their ranges.
     pub fn from_keywords(given: &Map<String, Value>) -> Result<Self> {
-        check_names(given, &names())?;
+        check_keywords(given, &names())?;
         let mut given = given.clone();
         let swims = given.remove(FREE_SWIMMING).filter(|value| !value.is_null());
         let refuse = |value: &Value| Error::parameter(FREE_SWIMMING, value, "true or false");

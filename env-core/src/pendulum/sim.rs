@@ -5,7 +5,7 @@ use super::config::{Config, KEYWORDS, PARAMETERS, Setup, at, uniform};
 use super::plant::Plant;
 use crate::env::NodeState;
 use crate::error::{Error, Result};
-use crate::keywords::{Reader, bare_names, check_names};
+use crate::keywords::{Reader, bare_names, check_keywords};
 use crate::lane::{Lanewise, Real};
 use crate::rod::{Energy, Motion, Rod, energy};
 use crate::simulation::{Named, Simulation, unknown};
@@ -36,7 +36,7 @@ impl BarePendulum {
     /// # Errors
     /// As for the environments.
     pub fn new(given: &Map<String, Value>) -> Result<Self> {
-        check_names(given, &names())?;
+        check_keywords(given, &names())?;
         let mut given = given.clone();
         // A control step of one physics step: the simulation has no other.
         if let Some(dt) = Reader::new(&given, PARAMETERS, KEYWORDS)?.asked("physics_dt")? {

@@ -83,6 +83,8 @@ class RodVectorEnv(VectorEnv[Observations, Any, Any]):
         )
         about = self._batch.about
         self._infos = InfoBuilder(about)
+        #: What happens after an episode's end; Gymnasium's wrappers ask `metadata`, others this.
+        self.autoreset_mode = mode
         self._same_step = mode is AutoresetMode.SAME_STEP
         self._spec: EnvSpec | None = None
         self.num_envs = self._batch.num_envs
