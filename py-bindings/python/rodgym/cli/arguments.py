@@ -153,9 +153,13 @@ def add_seeds(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_run(parser: argparse.ArgumentParser, default: str | None = None) -> None:
-    """``--name`` and ``--runs``: where results land."""
-    shown = f"default {default}" if default else "default: after the command and the environment"
+def add_run(
+    parser: argparse.ArgumentParser,
+    default: str | None = None,
+    words: str = "default: after the command and the environment",
+) -> None:
+    """``--name`` and ``--runs``: where results land; `words` say what a name left out becomes."""
+    shown = f"default {default}" if default else words
     parser.add_argument("--name", default=default, help=f"name of the run ({shown})")
     parser.add_argument(
         "--runs", default="runs", metavar="DIR", help="folder of all runs (default runs)"

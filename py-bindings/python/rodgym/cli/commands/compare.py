@@ -19,11 +19,13 @@ SUMMARY = "train an agent, compare it with controllers on the same seeds, write 
 EXAMPLES = """
 rodgym compare
 rodgym compare --env rodgym/PendulumSwingUpBase-v0 --controller lqg,thesis-lqg
+rodgym compare --policy lqr --controller lqr-hybrid
 rodgym compare --policy zoo,runs/demo/policy.zip --controller lqr --env-arg width=0.0081
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_arguments(parser: argparse.ArgumentParser, **run: str) -> None:
+    """`run` goes to `add_run`."""
     add_env(parser)
     parser.add_argument(
         "--controller",
@@ -38,11 +40,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="extend",
         type=some_names,
         metavar="FILE,...",
-        help="trained policies to compare instead of training one; 'zoo' is the one of rodgym",
+        help="policies to compare instead of training one: files, 'zoo' for the one that comes "
+        "with rodgym, or controllers",
     )
     add_seeds(parser)
     add_training(parser)
-    add_run(parser)
+    add_run(parser, **run)
 
 
 def names(text: str) -> list[str]:

@@ -23,11 +23,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("out", nargs="?", type=Path, help="file to write: .gif or .png")
     add_env(parser, default=None)
-    parser.add_argument("--seed", type=seed, default=0, help="seed of the episode (default 0)")
+    parser.add_argument(
+        "--seed", type=seed, default=0, metavar="N", help="seed of the episode (default 0)"
+    )
     parser.add_argument(
         "--stills",
         type=at_most(MAX_STILLS),
         default=5,
+        metavar="N",
         help=f"pictures in a .png strip (default 5, at most {MAX_STILLS})",
     )
     parser.add_argument("--show", action="store_true", help="play it in a window")

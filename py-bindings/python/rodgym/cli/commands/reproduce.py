@@ -18,7 +18,7 @@ CHAPTERS = ("chapter3", "chapter4")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("chapter", choices=CHAPTERS, help="which chapter")
-    add_run(parser)
+    add_run(parser, words="default reproduce-CHAPTER")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -42,7 +42,9 @@ def add_training(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--steps", type=positive, metavar="N", help="environment steps (default: the recipe's)"
     )
-    parser.add_argument("--seed", type=seed, help=f"seed of the training (default {SEED})")
+    parser.add_argument(
+        "--seed", type=seed, metavar="N", help=f"seed of the training (default {SEED})"
+    )
     parser.add_argument(
         "--recipe", type=Path, metavar="FILE", help="YAML of recipes (default: those of rodgym)"
     )
