@@ -81,6 +81,23 @@ fn state_feedback_swings_up_from_any_angle() {
 
 /// A motor that cannot lift the rod must pump.
 #[test]
+fn rods_are_swung_up_in_any_gravity_that_the_motor_can_lift_and_in_none() {
+    // At 0.1 m/s^2 and below the motor once hardly moved: it was dear, and nothing fell.
+    for (law, id) in [("lqr", SWING_UP), ("lqg", BASE_ONLY)] {
+        for gravity in [0.0, 1e-3, 0.1, 0.3, 0.6, 0.99, 1.0, 3.7, 15.0] {
+            let ok = upright(law, id, json!({"gravity": gravity}), 20, every);
+            assert_eq!(ok, 20, "{law} at gravity {gravity}");
+        }
+        for width in [0.005, 0.009] {
+            for gravity in [0.0, 0.1, 0.6] {
+                let ok = upright(law, id, json!({"gravity": gravity, "width": width}), 20, every);
+                assert_eq!(ok, 20, "{law} at gravity {gravity}, width {width}");
+            }
+        }
+    }
+}
+
+#[test]
 fn a_weak_motor_pumps() {
     let ok = upright("lqr", SWING_UP, json!({"width": 0.012}), 20, every);
     assert!(ok >= 19, "{ok} of 20");

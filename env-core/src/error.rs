@@ -16,12 +16,20 @@ pub enum Error {
         /// All ids, separated by commas.
         known: String,
     },
-    /// A keyword that the environment does not have.
-    #[error("unknown parameter '{name}'; known parameters: {known}")]
-    UnknownParameter {
+    /// A keyword that the environment does not have, in the words of Python.
+    #[error("got an unexpected keyword argument '{name}'; known parameters: {known}")]
+    UnknownKeyword {
         /// The keyword as given.
         name: String,
         /// All keywords, separated by commas.
+        known: String,
+    },
+    /// A name, within a value, that nothing has.
+    #[error("unknown parameter '{name}'; known parameters: {known}")]
+    UnknownParameter {
+        /// The name as given.
+        name: String,
+        /// All names, separated by commas.
         known: String,
     },
     /// A parameter outside its range or of the wrong kind.

@@ -3,6 +3,14 @@
 use crate::error::{Error, Result};
 use serde_json::{Map, Value};
 
+/// Refuses keywords that are not in `known`.
+pub fn check_keywords(given: &Map<String, Value>, known: &[&str]) -> Result<()> {
+    check_names(given, known).map_err(|error| match error {
+        Error::UnknownParameter { name, known } => Error::UnknownKeyword { name, known },
+        other => other,
+    })
+}
+
 /// Refuses names that are not in `known`.
 pub fn check_names(given: &Map<String, Value>, known: &[&str]) -> Result<()> {
     match given.keys().find(|name| !known.contains(&name.as_str())) {

@@ -3,7 +3,7 @@
 
 use crate::draw::Draw;
 use crate::error::{Error, Result};
-use crate::given::{check_names, number};
+use crate::given::{check_keywords, check_names, number};
 use crate::keywords::{Allowed, Keyword, Parameter, RANDOMIZE, THESIS, THESIS_PRESET};
 use serde_json::{Map, Value, json};
 
@@ -25,7 +25,7 @@ impl<'a> Reader<'a> {
         table: &'static [Keyword],
     ) -> Result<Self> {
         let names = parameters.iter().map(|p| p.name).chain(table.iter().map(|k| k.name));
-        check_names(given, &names.collect::<Vec<_>>())?;
+        check_keywords(given, &names.collect::<Vec<_>>())?;
         Ok(Reader { given, table, resolved: Map::new() })
     }
 

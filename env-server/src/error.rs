@@ -118,6 +118,7 @@ impl From<Error> for Refusal {
         // The client raises the same class of error as a local environment would.
         let kind = match error {
             Error::UnknownEnv { .. } => "unknown_env",
+            Error::UnknownKeyword { .. } => "unknown_keyword",
             Error::UnknownParameter { .. } => "unknown_parameter",
             Error::Parameter { .. } => "parameter",
             Error::Shape { .. } => "shape",

@@ -385,7 +385,7 @@ fn keywords_may_come_as_arrays() {
     let long = wire::array("kwargs:profile", &[300], &[0.5f64; 300]);
     // These environments have no such keyword: that they say so shows that it arrived.
     let reply = desk.send(&desk.request("make", None, None, p.clone(), &[long]));
-    assert_eq!(reply.p("kind"), "unknown_parameter");
+    assert_eq!(reply.p("kind"), "unknown_keyword");
     assert!(reply.header.err.expect("refused").msg.contains("profile"));
     // A dot leads into a map.
     let both =
@@ -404,7 +404,7 @@ fn what_an_environment_refuses_is_told_with_its_kind() {
     assert_eq!((unknown.code(), unknown.p("kind").as_str()), ("env", Some("unknown_env")));
     let p = json!({"id": "test/Counter-v0", "nonce": "0".repeat(32), "kwargs": {"wdith": 1}});
     let typo = desk.ask("make", None, None, p);
-    assert_eq!(typo.p("kind"), "unknown_parameter");
+    assert_eq!(typo.p("kind"), "unknown_keyword");
     let p = json!({"id": "test/Counter-v0", "nonce": "short"});
     assert_eq!(desk.ask("make", None, None, p).code(), "bad_request");
     assert_eq!(desk.server.sessions().count(), 0);

@@ -1,7 +1,7 @@
 //! Arguments as Python gives them: counts, seeds, reset options, actions.
 
 use crate::convert::to_map;
-use crate::errors::{raise, to_py};
+use crate::errors::to_py;
 use numpy::{PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyInt, PyString};
@@ -25,16 +25,9 @@ impl<'py> Actions<'py> {
         let read = match actions.extract() {
             Ok(array) => Actions::Single(array),
             Err(_) => {
-                let numpy = actions.py().import("numpy")?;
-                // (Rows of different lengths are no array at all.)
-                let array = numpy.call_method1("asarray", (actions,)).ok();
-                let kind = array.as_ref().map_or(Ok('?'), |array| -> PyResult<char> {
-                    array.getattr("dtype")?.getattr("kind")?.extract()
-                })?;
-                let Some(array) = array.filter(|_| "fiub".contains(kind)) else {
-                    let message = format!("actions must be numbers, but are {}", actions.repr()?);
-                    return Err(raise("ShapeError", message));
-                };
+                // What numbers are is said once, for a server's environments too.
+                let checks = actions.py().import("rodgym._checks")?;
+                let array = checks.call_method1("actions", (actions,))?;
                 Actions::Double(array.call_method1("astype", ("float64",))?.extract()?)
             }
         };

@@ -9,6 +9,7 @@ use rodgym_core::Error;
 fn class_name(error: &Error) -> &'static str {
     match error {
         Error::UnknownEnv { .. } => "UnknownEnvError",
+        Error::UnknownKeyword { .. } => "UnknownKeywordError",
         Error::UnknownParameter { .. } | Error::Parameter { .. } => "ParameterError",
         Error::Shape { .. } => "ShapeError",
         Error::Action { .. } => "ActionError",

@@ -57,10 +57,41 @@ def test_every_command_has_help_with_an_example_that_its_parser_takes(
         ("0.5", 0.5),
         ("[1, 2]", [1, 2]),
         ("bdf2", "bdf2"),
+        ("1e-4", 1e-4),
+        ('{"width": [0.006, 0.009]}', {"width": [0.006, 0.009]}),
+        ("{'width': (0.006, 0.009)}", {"width": (0.006, 0.009)}),
+        ("(1, 2)", (1, 2)),
+        ("'None'", "None"),
+        ("tcp://localhost:5555", "tcp://localhost:5555"),
+        ("a=b", "a=b"),
+        ("1j", "1j"),
+        ("b'x'", "b'x'"),
+        ("", ""),
     ],
 )
 def test_values_are_read_as_json_and_as_python_spells_them(text: str, value: object) -> None:
     assert key_value(f"name={text}") == ("name", value)
+
+
+def test_a_range_as_python_spells_it_is_drawn_from() -> None:
+    """The error once told what was given to be what it was."""
+    for name, spelt in (
+        ("python", "randomize={'width': (0.006, 0.009)}"),
+        ("json", 'randomize={"width": [0.006, 0.009]}'),
+    ):
+        words = ["--env-arg", spelt]
+        assert main(["evaluate", "zero", "--seeds", "3", "--name", name, *words]) == 0
+    python, json_ = (rows(Path("runs") / name / "scores.csv") for name in ("python", "json"))
+    assert python == json_
+    facts = json.loads((Path("runs") / "python" / "run.json").read_text())
+    assert facts["env_kwargs"] == {"randomize": {"width": [0.006, 0.009]}}
+
+
+def test_the_bare_program_says_what_it_can_do(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([]) == 0
+    said = capsys.readouterr()
+    assert all(name in said.out for name in command_names()) and "start here:" in said.out
+    assert said.err == ""
 
 
 def test_help_does_not_load_heavy_packages() -> None:
@@ -88,6 +119,12 @@ def test_help_does_not_load_heavy_packages() -> None:
         (["evaluate", "lqr", "--env-arg", "max_episode_steps=-1"], "at least 1"),
         (["evaluate", "lqr", "--runs", __file__, "--seeds", "1"], "Not a directory"),
         (["evaluate", "lqr", "--name", "../elsewhere"], "../elsewhere"),
+        (
+            ["evaluate", "lqr", "--env-arg", "randomize={'width': (0.006"],
+            "neither JSON nor a value",
+        ),
+        (["evaluate", "lqr", "--env-arg", "randomize={1, 2}"], "neither JSON nor a value"),
+        (["train", "--set", "policy_kwargs={'net_arch': [64"], "neither JSON nor a value"),
         (["train", "--steps", "0"], "'0' is not a whole number"),
         (["train", "--seed", "-1"], "'-1' is not a whole number from 0"),
         (["train", "--algorithm", "DQN"], "DQN"),

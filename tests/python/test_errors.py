@@ -79,6 +79,36 @@ def test_keywords_of_batches(kwargs, named):
         rodgym.vector.RodVectorEnv(**{"env_id": SWING_UP, **kwargs})
 
 
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda **kwargs: gym.make(SWING_UP, **kwargs),
+        lambda **kwargs: gym.make_vec(SWING_UP, **kwargs),
+        lambda **kwargs: gym.make("rodgym/FinThrust-v0", **kwargs),
+        lambda **kwargs: pytest.importorskip("rodgym.sb3").make_vec_env(SWING_UP, **kwargs),
+        lambda **kwargs: rodgym.sim.Pendulum(**kwargs),
+        lambda **kwargs: rodgym.sim.Fin(**kwargs),
+    ],
+    ids=["env", "batch", "fin", "sb3", "rod", "bare fin"],
+)
+def test_an_unknown_keyword_is_a_type_error_in_pythons_words(make):
+    """TorchRL's `GymEnv` tries `frameskip` and catches exactly this."""
+    with pytest.raises(TypeError, match="unexpected keyword argument 'frameskip'") as caught:
+        make(frameskip=1)
+    assert isinstance(caught.value, errors.UnknownKeywordError)
+    assert isinstance(caught.value, errors.ParameterError)
+    # A value that is not allowed is none.
+    with pytest.raises(errors.ParameterError) as caught:
+        make(youngs_modulus=-1.0)
+    assert not isinstance(caught.value, TypeError)
+
+
+def test_a_name_within_a_value_is_no_keyword():
+    with pytest.raises(errors.ParameterError, match="unknown parameter 'widht'") as caught:
+        gym.make(SWING_UP, randomize={"widht": (0.006, 0.009)})
+    assert not isinstance(caught.value, TypeError)
+
+
 def test_unknown_environment_names_the_known_ones():
     with pytest.raises(errors.UnknownEnvError, match=r"rodgym/Pendulum-v9.*PendulumSwingUp-v0"):
         rodgym.envs.RodEnv("rodgym/Pendulum-v9")

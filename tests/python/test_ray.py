@@ -16,6 +16,7 @@ from conftest import RANDOM, SWING_UP, actions_for, assert_same
 from gymnasium.wrappers.vector import DictInfoToList
 from ray_helpers import LONG, Killer, alive, name, need_ray, processes, running_cases, short_folder
 from remote_helpers import serving, until
+from test_extras import run as run_with
 
 need_ray("ray.tune", 'Ray is not installed: pip install "rodgym[ray]"')
 
@@ -119,7 +120,6 @@ def test_a_study_killed_and_resumed_gives_the_same_table(plan, finished, address
     def rows():
         return table.read_text().count("\n") if table.exists() else 0
 
-    pytest.importorskip("rich")
     study = subprocess.Popen(command, stderr=subprocess.PIPE)
     until(lambda: rows() > 3, 300)
     study.kill()
@@ -129,6 +129,16 @@ def test_a_study_killed_and_resumed_gives_the_same_table(plan, finished, address
     again = subprocess.run(command, capture_output=True, text=True, check=True)
     assert f"{before - 1} of {finished.count(b'%c' % 10) - 1} cases" in again.stderr
     assert table.read_bytes() == finished
+
+
+def test_the_extra_ray_is_enough_for_a_study(address, tmp_path):
+    """The progress bar once needed what trains agents. (The driver is told; workers are not.)"""
+    words = ["study", "plan.yml", "--ray", address, "--runs", "runs"]
+    ((code, out, err, made),) = run_with("ray", [words], tmp_path)
+    assert code == 0, err
+    assert made == ["runs"] and "picture:" in out and "2 of 2 cases" in err
+    ((code, _, err, made),) = run_with("report", [words], tmp_path / "runs")
+    assert (code, made) == (2, []) and "this needs ray: pip install 'rodgym[ray]'" in err
 
 
 def test_what_is_wrong_with_a_case_is_said_as_without_ray(address, tmp_path):
@@ -268,7 +278,6 @@ with ray_helpers.short_folder() as folder:
 def test_a_killed_driver_leaves_no_cluster_behind(plan, tmp_path):
     command = [sys.executable, "-m", "rodgym", "study", str(plan), "--name", "s"]
     command += ["--runs", str(tmp_path), "--ray", "local", "--workers", "1"]
-    pytest.importorskip("rich")
     study = subprocess.Popen(command, stderr=subprocess.DEVNULL)
     table = tmp_path / "s" / "table.csv"
     try:

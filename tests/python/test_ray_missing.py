@@ -20,7 +20,6 @@ def test_importing_says_which_extra_to_install():
 
 def test_the_program_says_it_in_one_sentence():
     pytest.importorskip("yaml")
-    pytest.importorskip("rich")
     done = run(
         "from rodgym.cli import main; sys.exit(main(['study', 'attraction', '--ray', 'local']))"
     )

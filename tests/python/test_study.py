@@ -137,6 +137,30 @@ def test_a_seed_names_the_first_episode_of_a_case():
         ({"sweep": {"policy": [7]}}, "policy = 7"),
         ({"sweep": {"policy": "lqr", "seed": [0, -1]}}, "seed = -1"),
         ({"sweep": {"policy": "lqr", "env.width": {"from": 0, "to": 1}}}, "from, to and steps"),
+        (
+            {"sweep": {"policy": "lqr", "start.angle": {"from": "a", "to": 1, "steps": 2}}},
+            "from = 'a'",
+        ),
+        (
+            {"sweep": {"policy": "lqr", "start.angle": {"from": 0, "to": None, "steps": 2}}},
+            "to = None",
+        ),
+        (
+            {
+                "sweep": {
+                    "policy": "lqr",
+                    "start.angle": {"from": 0, "to": float("inf"), "steps": 2},
+                }
+            },
+            "to = inf",
+        ),
+        (
+            {"sweep": {"policy": "lqr", "start.angle": {"from": 0, "to": 1, "steps": 10**12}}},
+            "steps = 1000000000000 .* from 2 to 1000000",
+        ),
+        ({"fixed": {"start.rate": "fast"}}, "value = 'fast' of 'start.rate'"),
+        ({"fixed": {"env.randomize": "{'width': (0.006"}}, "env.randomize: .* neither JSON nor"),
+        ({"env": "rodgym/FinThrust-v0"}, "'start.rate' is no key of a case in rodgym/FinThrust-v0"),
         ({"env": "CartPole-v1"}, "unknown environment 'CartPole-v1'"),
         ({"plot": {"x": "env.width"}}, "needs x and value"),
         ({"plot": {"x": "env.wdth", "value": "upright"}}, "x = 'env.wdth' is no column"),
@@ -151,6 +175,30 @@ def test_a_seed_names_the_first_episode_of_a_case():
 def test_what_is_no_study_is_refused(change, message):
     with pytest.raises(rodgym.RodgymError, match=message):
         parse({**CONTENT, **change}, "bad")
+
+
+def test_values_are_read_as_python_spells_them_too():
+    """YAML takes 1e-4 and whatever is Python's for text."""
+    fixed = {
+        "policy": "zero",
+        "env.randomize": "{'width': (0.006, 0.009)}",
+        "env.stepper": "implicit",
+    }
+    sweep = {"env.bending_damping": ["1e-4", 5e-4], "env.actuator_delay": [0.0]}
+    study = parse({"env": CONTENT["env"], "fixed": fixed, "sweep": sweep}, "text")
+    first, second = study.cases()
+    assert first["env.bending_damping"] == 1e-4 and second["env.bending_damping"] == 5e-4
+    assert (
+        first["env.randomize"] == {"width": (0.006, 0.009)} and first["env.stepper"] == "implicit"
+    )
+    assert run_case({**first, "env.max_episode_steps": 2})["length"] == 0.02
+
+
+def test_a_case_of_a_fin_has_no_start_of_a_rod():
+    """It was a `KeyError` when the case was run."""
+    case = {"env": "rodgym/FinThrust-v0", "seeds": 1, "policy": "zero", "start.angle": 0.1}
+    with pytest.raises(StudyError, match=r"'start\.angle' is no start of a fin: there are none"):
+        run_case(case)
 
 
 def test_our_plans_can_be_read(tmp_path):
@@ -189,5 +237,5 @@ def test_a_study_that_could_not_be_drawn_is_not_run(tmp_path, monkeypatch, capsy
     monkeypatch.delitem(sys.modules, "rodgym.study.plot", raising=False)
     monkeypatch.delitem(sys.modules, "rodgym.report.style", raising=False)
     assert main(["study", "width"]) == 2
-    assert "rodgym[train]" in capsys.readouterr().err
+    assert "rodgym[report]" in capsys.readouterr().err
     assert not (tmp_path / "runs").exists()

@@ -126,6 +126,14 @@ def test_disabled_refuses_to_step_an_ended_environment():
     assert env.get_state() == before
 
 
+@pytest.mark.parametrize("mode", AutoresetMode)
+def test_a_batch_has_its_mode_where_gymnasiums_own_has_it(mode):
+    ours = gym.make_vec(SWING_UP, num_envs=2, autoreset_mode=mode.value)
+    theirs = SyncVectorEnv([lambda: gym.make(SWING_UP)], autoreset_mode=mode)
+    assert ours.unwrapped.autoreset_mode is theirs.autoreset_mode is mode
+    assert ours.metadata["autoreset_mode"] is mode
+
+
 def test_options_of_the_caller_stay_as_they_are():
     env = gym.make_vec(SWING_UP, num_envs=2)
     options = {"reset_mask": np.array([True, True])}

@@ -12,6 +12,9 @@ use crate::linalg::{dare, sample_cost};
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::PI;
 
+/// Gravity \[m/s^2\] that sets the law's pace and its torque where there is less. The swing of a rod in
+/// hardly any gravity takes longer than an episode, and its weight is no measure of what moves it.
+const PACE: f64 = 1.0;
 /// Torque limit in units of m g L / 2, the torque that holds the straight rod level.
 const ENOUGH: f64 = 1.1;
 /// The regulator catches what costs less than this many times the straight rod at rest 1 rad from up.
@@ -26,13 +29,29 @@ const SURPLUS: f64 = 0.15;
 /// Weights that make a regulator with a large basin: the motor is dear, so that it uses the rod's own
 /// dynamics.
 ///
-/// Without units: rates count in units of sqrt(g/L), torque in units of the limit.
+/// Without units: rates count in units of sqrt(g/L), torque in units of the limit. In less gravity than
+/// [`PACE`] a dear motor would stand still, since nothing falls: there the law turns the rod with the
+/// torque that gravity of that size would need.
 pub fn gentle_weights(rod: &RodDesign) -> Weights {
+    if rod.gravity < PACE {
+        let enough = lever(rod) * PACE;
+        return Weights { angle: 1.0, rate: rod.length / PACE, torque: 1.0 / (enough * enough) };
+    }
     Weights {
         angle: 1.0,
-        rate: 30.0 * rod.length / rod.gravity.max(1e-3),
+        rate: 30.0 * rod.length / rod.gravity,
         torque: 3e4 / (rod.torque_limit * rod.torque_limit),
     }
+}
+
+/// Mass of the rod times the distance of its middle from the hinge \[kg m\].
+fn lever(rod: &RodDesign) -> f64 {
+    0.5 * rod.node_mass() * rod.edges() as f64 * rod.length
+}
+
+/// Gravity that the law is scaled with \[m/s^2\].
+fn pace(rod: &RodDesign) -> f64 {
+    rod.gravity.max(PACE)
 }
 
 /// Feedback from the coordinates of a reduced chain to base torque.
@@ -49,6 +68,7 @@ pub struct Regulator {
     limit: f64,
     patience: f64,
     weak: bool,
+    pumps: bool,
 }
 
 impl Regulator {
@@ -71,15 +91,17 @@ impl Regulator {
         let tilted = DVector::from_vec(tilted);
         let scale = tilted.dot(&(&solution.cost * &tilted));
         let weight = 0.5 * rod.node_mass() * rod.edges() as f64 * rod.gravity * rod.length;
-        let enough = if weight > 0.0 { ENOUGH * weight } else { f64::INFINITY };
+        let enough = if rod.gravity < PACE { lever(&rod) * PACE } else { weight };
         Ok(Regulator {
             gain: solution.gain.transpose().column(0).into_owned(),
             cost: solution.cost / scale,
             up_energy: chain.energy(&up).total(),
-            limit: rod.torque_limit.min(enough),
-            patience: PATIENCE * libm::sqrt(rod.length / rod.gravity.max(1e-3)),
+            limit: rod.torque_limit.min(ENOUGH * enough),
+            patience: PATIENCE * libm::sqrt(rod.length / pace(&rod)),
             swing: chain.coordinates_of(&swing_shares(rod.edges())),
             weak: rod.torque_limit < WEAK * weight,
+            // Where gravity does not set the pace, a swing at the energy of the rod upright is no way up.
+            pumps: rod.gravity >= PACE || rod.torque_limit < weight,
             up,
             chain,
         })
@@ -116,7 +138,7 @@ impl Regulator {
             *clock = self.start();
         } else if *clock < self.patience {
             *clock += self.chain.rod().control_dt;
-        } else if self.up_energy > 0.0 {
+        } else if self.pumps && self.up_energy > 0.0 {
             return self.pump(state);
         }
         (-self.gain.dot(&z)).clamp(-self.limit, self.limit)

@@ -11,7 +11,7 @@ use super::servo::{Servo, Ticks};
 use crate::error::{Error, Result};
 use crate::fluid::Hydrodynamics;
 use crate::fluid::terms::ByKind;
-use crate::given::check_names;
+use crate::given::check_keywords;
 use crate::keywords::bare_names;
 use crate::lane::{Lanewise, Real};
 use crate::rod;
@@ -110,7 +110,7 @@ impl BareFin {
     /// # Errors
     /// Unknown keywords and values outside their ranges.
     pub fn from_keywords(given: &Map<String, Value>) -> Result<Self> {
-        check_names(given, &names())?;
+        check_keywords(given, &names())?;
         let mut given = given.clone();
         let swims = given.remove(FREE_SWIMMING).filter(|value| !value.is_null());
         let refuse = |value: &Value| Error::parameter(FREE_SWIMMING, value, "true or false");

@@ -4,7 +4,7 @@ use super::Linear;
 use super::config::{Config, KEYWORDS, PARAMETERS, Setup, at, uniform};
 use super::plant::Plant;
 use crate::error::{Error, Result};
-use crate::given::check_names;
+use crate::given::check_keywords;
 use crate::keywords::bare_names;
 use crate::lane::{Lanewise, Real};
 use crate::reader::Reader;
@@ -38,7 +38,7 @@ impl BarePendulum {
     /// # Errors
     /// As for the environments.
     pub fn new(given: &Map<String, Value>) -> Result<Self> {
-        check_names(given, &names())?;
+        check_keywords(given, &names())?;
         let mut given = given.clone();
         // A control step of one physics step: the simulation has no other.
         if let Some(dt) = Reader::new(&given, PARAMETERS, KEYWORDS)?.asked("physics_dt")? {

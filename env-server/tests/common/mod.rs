@@ -29,7 +29,7 @@ impl Counters {
         }
         if let Some(name) = options.kwargs.keys().next() {
             let name = name.clone();
-            return Err(Error::UnknownParameter { name, known: "none".into() });
+            return Err(Error::UnknownKeyword { name, known: "none".into() });
         }
         let mut observation = Space::new();
         observation.push(0.0, 1e6, "steps");

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium.utils import seeding
 
+from rodgym import _checks as checks
 from rodgym._machine import Member, picture_size
 from rodgym.backend import LOCAL, Backend
 from rodgym.errors import EnvIndexError, ParameterError, ShapeError
@@ -88,12 +89,7 @@ class SeededBatch:
         `generator` gives seeds to environments that never had one (operating-system entropy if
         None).
         """
-        if isinstance(seed, np.integer):
-            seed = int(seed)
-        elif seed is not None and not isinstance(seed, int):
-            seed = list(seed)
-            if len(seed) != self.num_envs:
-                raise ShapeError(f"seed is a list of {len(seed)}, but {self.num_envs} are needed")
+        seed = checks.batch_seeds(seed, self.num_envs)
         needy = self._unseeded if mask is None else self._unseeded & mask
         if not isinstance(seed, int) and needy.any():
             if generator is None:

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Set
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from gymnasium.vector import AutoresetMode
 
 from rodgym.errors import ParameterError, ShapeError
 
@@ -76,15 +77,59 @@ def seed(value: Any) -> int | None:
     return None if value is None else whole("seed", value, 0, SEEDS - 1, allowed)
 
 
+def _in_order(value: Any) -> list[Any] | None:
+    """The items of a sequence, array or iterator; None for what has none, or none in an order that
+    somebody meant.
+    """
+    if isinstance(value, str | bytes | bytearray | Mapping | Set):
+        return None
+    try:
+        return list(value)
+    except TypeError:  # An array of no dimension is called iterable, too.
+        return None
+
+
 def seeds(value: Any) -> list[int]:
     """At least one seed, each a whole number."""
-    if isinstance(value, str) or not isinstance(value, Iterable):
+    given = _in_order(value)
+    if given is None:
         raise refused("seeds", value, "a sequence of whole numbers such as range(100)")
     allowed = "a whole number from 0 to 2^64 - 1"
-    result = [whole("seed", one, 0, SEEDS - 1, allowed) for one in value]
+    result = [whole("seed", one, 0, SEEDS - 1, allowed) for one in given]
     if not result:
         raise refused("seeds", value, "at least one whole number")
     return result
+
+
+def batch_seeds(value: Any, num_envs: int) -> int | list[int | None] | None:
+    """What the reset of a batch takes: one seed, of whatever integer type, one an environment, or
+    None.
+    """
+    if value is None or isinstance(value, int):
+        return seed(value)
+    given = _in_order(value)
+    if given is None:
+        return seed(value)
+    if len(given) != num_envs:
+        raise ShapeError(f"seed is a list of {len(given)}, but {num_envs} are needed")
+    return [seed(one) for one in given]
+
+
+def autoreset_mode(value: Any) -> AutoresetMode:
+    """Gymnasium's mode, or its value."""
+    try:
+        return AutoresetMode(value)
+    except ValueError as error:
+        allowed = f"one of {[mode.value for mode in AutoresetMode]}"
+        raise refused("autoreset_mode", value, allowed) from error
+
+
+def episode_steps(value: Any) -> int | None:
+    """The time limit of episodes that are played to their end."""
+    if value is None:
+        return None
+    allowed = "a whole number of at least 1, or None, where episodes are played to their end"
+    return whole("max_episode_steps", value, 1, None, allowed)
 
 
 def snapshot(name: str, value: Any) -> bytes:
@@ -95,11 +140,42 @@ def snapshot(name: str, value: Any) -> bytes:
 
 
 def numbers(name: str, values: npt.ArrayLike, dtype: Any = np.float64) -> npt.NDArray[Any]:
-    """An array of numbers."""
+    """An array of real numbers, see `as_array`."""
     try:
-        return np.asarray(values, dtype=dtype)
-    except (TypeError, ValueError) as error:
+        array = as_array(values)
+        if array.dtype.kind not in "fiubO":
+            raise TypeError(f"numbers of type {array.dtype}")
+        return array.astype(dtype, copy=False)
+    except (TypeError, ValueError, RuntimeError) as error:
         raise ShapeError(f"{name} must be an array of numbers, but is {values!r}") from error
+
+
+def as_array(values: Any) -> npt.NDArray[Any]:
+    """What is given as an array of NumPy, by value.
+
+    That includes what NumPy refuses or does not know: tensors that carry gradients (an environment
+    has none), are on another device, or of a type such as bfloat16.
+    """
+    try:
+        array = np.asarray(values)
+    except (TypeError, RuntimeError):
+        if not hasattr(values, "tolist"):
+            raise
+        array = np.asarray(values.tolist())
+    # A number's type that another package has taught NumPy.
+    foreign = array.dtype.kind == "V" and array.dtype.type is not np.void
+    return array.astype(np.float64) if foreign else array
+
+
+def actions(values: Any) -> npt.NDArray[Any]:
+    """Actions as an array of real numbers; shape and finiteness are checked elsewhere."""
+    try:
+        array = as_array(values)
+    except (TypeError, ValueError, RuntimeError) as error:
+        raise ShapeError(f"actions must be numbers, but are {values!r}") from error
+    if array.dtype.kind not in "fiub":
+        raise ShapeError(f"actions must be numbers, but are {values!r}")
+    return array
 
 
 def matrix(name: str, values: npt.ArrayLike) -> Array:

@@ -2,7 +2,8 @@
 
 Whatever is refused leaves the state as it was. Bad arguments are `ValueError` too, so that code
 which knows nothing of rodgym can catch them: a value of the wrong kind is refused like one out of
-range. Python's own `TypeError` stands for calls with missing, unknown or too many arguments only.
+range. An unknown keyword is a `TypeError` too, in Python's words. Python's own `TypeError` stands
+for calls with missing or too many arguments only.
 """
 
 from gymnasium.error import ResetNeeded
@@ -17,7 +18,11 @@ class UnknownEnvError(RodgymError, ValueError):
 
 
 class ParameterError(RodgymError, ValueError):
-    """An unknown keyword, or a value outside its range or of the wrong kind."""
+    """An unknown name, or a value outside its range or of the wrong kind."""
+
+
+class UnknownKeywordError(ParameterError, TypeError):
+    """A keyword argument that an environment or simulation does not have."""
 
 
 class ShapeError(RodgymError, ValueError):

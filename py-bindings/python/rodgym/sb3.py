@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import gymnasium as gym
 import numpy as np
 import numpy.typing as npt
+from gymnasium.vector import AutoresetMode
 
 try:
     from stable_baselines3.common.vec_env import VecEnv, VecMonitor
@@ -140,6 +141,8 @@ class RodVecEnv(VecEnv):
         self._metrics: list[str] = about["metrics"]
         self._parameters: list[str] = [parameter["name"] for parameter in about["parameters"]]
         self._actions: npt.NDArray[Any] | None = None
+        #: That of Stable-Baselines3: an ending step returns the reset observation.
+        self.autoreset_mode = AutoresetMode.SAME_STEP
         #: How `gym.make` would make one of the environments; keywords in types that JSON knows.
         given = {**kwargs, "render_size": render_size}
         self.spec = self._describe(*backend.registered(env_id, given))

@@ -69,11 +69,7 @@ class RodVectorEnv(VectorEnv[Observations, Any, Any]):
         backend: Backend = LOCAL,
         **kwargs: Any,
     ) -> None:
-        try:
-            mode = AutoresetMode(autoreset_mode)
-        except ValueError as error:
-            allowed = f"one of {[mode.value for mode in AutoresetMode]}"
-            raise checks.refused("autoreset_mode", autoreset_mode, allowed) from error
+        mode = checks.autoreset_mode(autoreset_mode)
         self._batch = SeededBatch(
             checks.env_id(env_id),
             num_envs,
@@ -87,6 +83,8 @@ class RodVectorEnv(VectorEnv[Observations, Any, Any]):
         )
         about = self._batch.about
         self._infos = InfoBuilder(about)
+        #: What happens after an episode's end; Gymnasium's wrappers ask `metadata`, others this.
+        self.autoreset_mode = mode
         self._same_step = mode is AutoresetMode.SAME_STEP
         self._spec: EnvSpec | None = None
         self.num_envs = self._batch.num_envs
@@ -165,14 +163,14 @@ class RodVectorEnv(VectorEnv[Observations, Any, Any]):
             The (num_envs, d) observations, and infos with the episodes' `parameters`.
         """
         mask, options = self._split(checks.mapping("options", options))
-        integer = isinstance(seed, int | np.integer)
-        if integer or isinstance(seed, str) or not (seed is None or isinstance(seed, Iterable)):
-            seed = checks.seed(seed)
+        seed = checks.batch_seeds(seed, self.num_envs)
         # NumPy's generator is made and read only if an environment still needs a seed.
-        generator = self.np_random if not integer and self._batch.needs_seeds else None
-        result = self._batch.reset(seed, mask, options, generator, self._out)
-        if integer:
-            super().reset(seed=int(seed))  # type: ignore[arg-type]
+        needy = not isinstance(seed, int) and self._batch.needs_seeds
+        result = self._batch.reset(
+            seed, mask, options, self.np_random if needy else None, self._out
+        )
+        if isinstance(seed, int):
+            super().reset(seed=seed)
         return result.observation, self._infos.reset(result)
 
     def step(self, actions: Any) -> tuple[Observations, Floats, Flags, Flags, dict[str, Any]]:

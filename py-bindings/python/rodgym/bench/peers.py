@@ -6,7 +6,6 @@ are timed without observation, reward and reset, which only favours them.
 
 from __future__ import annotations
 
-import importlib.util
 import warnings
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -15,6 +14,7 @@ import numpy as np
 
 from rodgym.bench import mujoco_models
 from rodgym.bench.measure import Case
+from rodgym.extras import installed
 
 CONTROL_DT = 0.01
 TORQUE_LIMIT = 0.05
@@ -27,11 +27,6 @@ MUJOCO = (
     ("MuJoCo chain, implicitfast 2 ms", mujoco_models.chain, "implicitfast", 2e-3),
     ("MuJoCo flex, Euler 0.1 ms", mujoco_models.flex, "Euler", 1e-4),
 )
-
-
-def installed(module: str) -> bool:
-    """Whether a package can be imported."""
-    return importlib.util.find_spec(module) is not None
 
 
 def peers() -> Iterator[Case]:

@@ -17,7 +17,8 @@ import numpy.typing as npt
 from rodgym.bench import mujoco_models
 from rodgym.bench.measure import Case, measure
 from rodgym.bench.ours import SWING_UP, batch
-from rodgym.bench.peers import installed, mujoco
+from rodgym.bench.peers import mujoco
+from rodgym.extras import installed
 from rodgym.sim import Pendulum
 
 DURATION = 1.0

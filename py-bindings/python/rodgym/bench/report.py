@@ -10,6 +10,7 @@ import numpy as np
 
 from rodgym.bench.measure import Ratio, Timing
 from rodgym.bench.precision import Point
+from rodgym.extras import installed
 from rodgym.runs import Run, write_csv
 
 
@@ -123,12 +124,13 @@ def write_timings(run: Run, name: str, timings: Iterable[Timing]) -> None:
 
 
 def write_precision(run: Run, found: Sequence[Point]) -> str:
-    """``precision.csv`` and ``work_precision.png``; returns the table."""
+    """``precision.csv`` and, where matplotlib is, ``work_precision.png``; returns the table."""
     cells = [
         (p.family, f"{1e3 * p.dt:g}", f"{1e6 * p.cost:.4g}", f"{1e3 * p.error:.3g}") for p in found
     ]
     write_csv(run.file("precision.csv"), ("stepper", "dt_ms", "cost_us", "error_mm"), cells)
-    plot_precision(run.file("work_precision.png"), found)
+    if installed("matplotlib"):
+        plot_precision(run.file("work_precision.png"), found)
     return table(("stepper", "step [ms]", "us an environment step", "tip error [mm]"), cells)
 
 

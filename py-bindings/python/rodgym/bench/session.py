@@ -14,7 +14,8 @@ import numpy as np
 import rodgym._native
 from rodgym.bench import facts, ours, precision, report
 from rodgym.bench.measure import Case, Ratio, Timing, measure, ratio
-from rodgym.bench.peers import BEST_MUJOCO, installed, peers
+from rodgym.bench.peers import BEST_MUJOCO, peers
+from rodgym.extras import installed, missing
 from rodgym.runs import Run
 
 DEFAULT = "PendulumSwingUp, n = 1024"
@@ -51,6 +52,8 @@ def bench(run: Run, extent: Extent) -> str:
     def say(what: str) -> None:
         print(f"[{time.monotonic() - began:5.0f} s] {what} ...", flush=True)
 
+    if said := missing(["matplotlib"]):
+        print(f"no picture of error against cost: {said}", flush=True)
     say("headline cases and other simulators")
     headline = measure(headline_cases(), extent.rounds, extent.seconds)
     found = {timing.name: timing for timing in headline}
@@ -59,7 +62,7 @@ def bench(run: Run, extent: Extent) -> str:
     sets = facts.instruction_sets(extent.sweep_rounds)
     built = facts.in_new_process("construction")
     training = None
-    if installed("stable_baselines3"):
+    if all(installed(module) for module in ("stable_baselines3", "yaml")):
         say("share of a training")
         training = facts.training_share(extent.rollouts)
     say("work and precision")
@@ -219,7 +222,7 @@ def write_page(
         + ", ".join(f"{name} {report.number(value)}" for name, value in sets.items())
         + ".",
         "## Error against cost",
-        "![Error against cost](work_precision.png)",
+        *(["![Error against cost](work_precision.png)"] if installed("matplotlib") else []),
         precision_table,
     ]
     for threads in sorted({t for row in sweep.values() for _, t in row}):

@@ -12,6 +12,7 @@ from typing import Protocol
 
 from rodgym.cli import commands
 from rodgym.cli.arguments import UsageError
+from rodgym.extras import missing
 
 DESCRIPTION = "Elastic rods as reinforcement-learning environments."
 EPILOG = """\
@@ -63,7 +64,7 @@ def build_parser() -> argparse.ArgumentParser:
         prog="rodgym", description=DESCRIPTION, epilog=EPILOG, formatter_class=Formatter
     )
     parser.add_argument("--version", action="version", version=f"rodgym {__version__}")
-    subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    subparsers = parser.add_subparsers(dest="command", metavar="COMMAND")
     for name in command_names():
         command = load_command(name)
         examples = "".join(f"  {line.strip()}\n" for line in command.EXAMPLES.strip().splitlines())
@@ -85,17 +86,20 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     parser = build_parser()
     args = parser.parse_args(argv)
+    if args.command is None:
+        parser.print_help()
+        return 0
     try:
         return int(args.run(args))
     except (UsageError, RodgymError) as error:
         return refuse(args.command, str(error))
     except ImportError as error:
         # Our own modules may say it in their words; the cause then names the module.
-        missing = error.name or getattr(error.__cause__, "name", None) or ""
-        extra = EXTRAS.get(missing.partition(".")[0])
-        if extra is None:
+        name = error.name or getattr(error.__cause__, "name", None) or ""
+        said = missing([name.partition(".")[0]])
+        if said is None or "pip install" not in said:
             raise
-        return refuse(args.command, f"this needs {missing}: pip install 'rodgym[{extra}]'")
+        return refuse(args.command, said)
     except BrokenPipeError:
         # The reader has gone (`rodgym list | head`): nothing is left to say, not even at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -108,22 +112,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return 130
-
-
-#: Which extra of the package brings a module.
-EXTRAS = {
-    "stable_baselines3": "train",
-    "torch": "train",
-    "rich": "train",
-    "matplotlib": "train",
-    "jinja2": "train",
-    "yaml": "train",
-    "zmq": "remote",
-    "msgpack": "remote",
-    "ray": "ray",
-    "PIL": "render",
-    "pygame": "render",
-}
 
 
 def refuse(command: str, message: str) -> int:

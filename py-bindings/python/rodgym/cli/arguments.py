@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
+
+from rodgym._literal import literal
+from rodgym.evaluation.conditions import CHOSEN
 
 DEFAULT_ENV = "rodgym/PendulumSwingUp-v0"
 MAX_SEEDS = 100_000
@@ -29,23 +31,18 @@ def env_id(text: str) -> str:
 
 
 def key_value(text: str) -> tuple[str, Any]:
-    """Reads ``width=0.0081`` or ``randomize={"width": [0.006, 0.009]}``: JSON, or Python's True,
-    False and None, else a string.
-    """
+    """Reads ``width=0.0081`` or ``randomize={'width': (0.006, 0.009)}``, see `literal`."""
     key, equals, value = text.partition("=")
     if not equals or not key.isidentifier():
         raise argparse.ArgumentTypeError(f"{text!r} is not of the form NAME=VALUE")
     try:
-        return key, json.loads(value)
-    except json.JSONDecodeError:
-        return key, _PYTHONS.get(value, value)
+        return key, literal(value)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{key}: {error}") from error
 
-
-#: What JSON spells in small letters, or null.
-_PYTHONS = {"True": True, "False": False, "None": None}
 
 #: Arguments of environments that are the program's to choose.
-_OURS = ("num_envs", "num_threads", "autoreset_mode", "copy", "render_mode")
+_OURS = (*CHOSEN, "num_threads", "render_mode")
 
 
 def env_arg(text: str) -> tuple[str, Any]:
@@ -140,7 +137,8 @@ def add_env(parser: argparse.ArgumentParser, default: str | None = DEFAULT_ENV) 
         action="append",
         default=[],
         metavar="NAME=VALUE",
-        help="keyword of the environment, such as width=0.0081; may be repeated",
+        help="keyword of the environment, such as width=0.0081 or "
+        "\"randomize={'width': (0.006, 0.009)}\"; may be repeated",
     )
 
 
@@ -155,9 +153,13 @@ def add_seeds(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_run(parser: argparse.ArgumentParser, default: str | None = None) -> None:
-    """``--name`` and ``--runs``: where results land."""
-    shown = f"default {default}" if default else "default: after the command and the environment"
+def add_run(
+    parser: argparse.ArgumentParser,
+    default: str | None = None,
+    words: str = "default: after the command and the environment",
+) -> None:
+    """``--name`` and ``--runs``: where results land; `words` say what a name left out becomes."""
+    shown = f"default {default}" if default else words
     parser.add_argument("--name", default=default, help=f"name of the run ({shown})")
     parser.add_argument(
         "--runs", default="runs", metavar="DIR", help="folder of all runs (default runs)"

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from rodgym import _checks as checks
 from rodgym import machines
-from rodgym.evaluation.policies import Policy, check_policy, load_policy
+from rodgym.evaluation.conditions import conditions, needs_end
+from rodgym.evaluation.policies import Policy, ask, check_policy, label_of, load_policy
 from rodgym.evaluation.score import Column, Trajectories, columns_for, score
 from rodgym.runs import write_csv
 
@@ -76,17 +77,20 @@ def evaluate(
     Raises
     ------
     PolicyError: the policy cannot be found or does not fit the environment
-    ParameterError: no seeds, or seeds that are no whole numbers
+    ParameterError: no seeds, or seeds that are no whole numbers; a keyword that an evaluation
+        chooses itself, or episodes without an end
     """
-    seeds, env_kwargs = checks.seeds(seeds), checks.mapping("env_kwargs", env_kwargs)
+    seeds = checks.seeds(seeds)
+    env_id, keywords = conditions(env_id, env_kwargs)
     check_policy(policy)
-    label = name or (policy if isinstance(policy, str) else type(policy).__name__)
+    label = label_of(policy, name)
     described: tuple[Column, ...] = ()
     parts: list[dict[str, NDArray[np.float64]]] = []
     for first in range(0, len(seeds), BATCH):
         turn = list(seeds[first : first + BATCH])
-        env = gym.make_vec(checks.env_id(env_id), num_envs=len(turn), **env_kwargs)
+        env = gym.make_vec(env_id, num_envs=len(turn), **keywords)
         try:
+            needs_end(env)
             actor = load_policy(policy, env) if isinstance(policy, str) else policy
             played = play(actor, env, turn, on_step and (lambda t, done=first: on_step(done, t)))
         finally:
@@ -114,7 +118,7 @@ def play(
     alive, rewards, actions = [], [], []
     metrics: dict[str, list[NDArray[np.float64]]] = {}
     while running.any():
-        action, state = policy.predict(observation, state, start, deterministic=True)
+        action, state = ask(policy, observation, state, start)
         observation, reward, ended, cut, info = env.step(action)
         alive.append(running.copy())
         rewards.append(reward)

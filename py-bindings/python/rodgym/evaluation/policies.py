@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import rodgym
+from rodgym import _checks as checks
 from rodgym import _native
 from rodgym.zoo import zoo_policy
 
@@ -42,6 +43,35 @@ def check_policy(policy: object) -> None:
     """Refuses what is neither a name nor has `predict`."""
     if not isinstance(policy, str) and not callable(getattr(policy, "predict", None)):
         raise PolicyError(f"policy = {policy!r} is not allowed: it must be a name or have predict")
+
+
+def label_of(policy: str | Policy, name: str | None) -> str:
+    """What tables call a policy."""
+    return name or (policy if isinstance(policy, str) else type(policy).__name__)
+
+
+def ask(
+    policy: Policy, observation: NDArray[np.float32], state: Any, start: NDArray[np.bool_]
+) -> tuple[NDArray[Any], Any]:
+    """Actions (n, a), deterministic, for observations (n, d), and the policy's next state.
+
+    Raises
+    ------
+    PolicyError: the policy does not answer with a pair of one action a row and a state
+    ShapeError: the actions are no numbers
+    """
+    answer = policy.predict(observation, state, start, deterministic=True)
+    if not isinstance(answer, tuple) or len(answer) != 2:
+        raise PolicyError(
+            f"{type(policy).__name__}.predict returned {answer!r}, but (actions, state) is needed"
+        )
+    action = checks.actions(answer[0])
+    if action.ndim != 2 or len(action) != len(observation):
+        raise PolicyError(
+            f"{type(policy).__name__}.predict returned actions of shape {action.shape} for "
+            f"observations of shape {observation.shape}: one row of actions a row is needed"
+        )
+    return action, answer[1]
 
 
 class Random:

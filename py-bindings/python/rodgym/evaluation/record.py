@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from rodgym import _checks as checks
 from rodgym import machines
-from rodgym.evaluation.policies import Policy, check_policy, load_policy
+from rodgym.evaluation.conditions import conditions, needs_end
+from rodgym.evaluation.policies import Policy, ask, check_policy, label_of, load_policy
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ def record(
     frame_rate: float = 0.0,
     max_seconds: float = float("inf"),
 ) -> Record:
-    """Plays one episode in a single environment.
+    """Plays one episode in a single environment. The policy sees it as a batch of one: (1, d).
 
     Parameters
     ----------
@@ -56,15 +57,25 @@ def record(
 
     Raises
     ------
-    PolicyError: as :func:`rodgym.evaluation.evaluate`
+    PolicyError, ParameterError: as :func:`rodgym.evaluation.evaluate`
     """
     check_policy(policy)
-    mode = "rgb_array" if frame_rate else None
-    env_kwargs = {"render_mode": mode, **checks.mapping("env_kwargs", env_kwargs)}
-    env = gym.make(checks.env_id(env_id), **env_kwargs)
+    seed = checks.whole("seed", seed, 0, checks.SEEDS - 1, "a whole number from 0 to 2^64 - 1")
+    frame_rate = checks.number("frame_rate", frame_rate, "pictures a second")
+    if frame_rate < 0:
+        raise checks.refused("frame_rate", frame_rate, "0 or more pictures a second")
+    if not isinstance(max_seconds, int | float | np.number) or not max_seconds > 0:
+        raise checks.refused("max_seconds", max_seconds, "more than 0 s")
+    env_id, keywords = conditions(env_id, env_kwargs)
+    mode = keywords.setdefault("render_mode", "rgb_array" if frame_rate else None)
+    if frame_rate and mode != "rgb_array":
+        raise checks.refused("render_mode", mode, "left out, or 'rgb_array', to have pictures")
+    env = gym.make(env_id, **keywords)
     try:
+        if max_seconds == float("inf"):
+            needs_end(env)
         actor = load_policy(policy, env) if isinstance(policy, str) else policy
-        return _record(actor, env, seed, name or str(policy), frame_rate, max_seconds)
+        return _record(actor, env, seed, label_of(policy, name), frame_rate, max_seconds)
     finally:
         env.close()
 
@@ -90,7 +101,7 @@ def _record(
     metrics: dict[str, list[float]] = {}
     over = False
     while not over and len(rewards) * dt < max_seconds:
-        action, state = actor.predict(observation, state, start, deterministic=True)
+        (action,), state = ask(actor, observation[np.newaxis], state, start)
         start = np.zeros(1, bool)
         observation, reward, terminated, truncated, info = env.step(action)
         over = terminated or truncated

@@ -12,6 +12,7 @@ import ray
 from gymnasium.vector import AutoresetMode
 
 import rodgym
+from rodgym import _checks as checks
 from rodgym._registration import REMOTE
 from rodgym.errors import ParameterError
 
@@ -62,7 +63,7 @@ def make(env_id: str, config: Mapping[str, Any]) -> Any:
     if num_envs is None:
         return gym.make(env_id, **keywords)
     mode = keywords.get("autoreset_mode", AutoresetMode.NEXT_STEP)
-    if AutoresetMode(mode) is not AutoresetMode.NEXT_STEP:
+    if checks.autoreset_mode(mode) is not AutoresetMode.NEXT_STEP:
         raise ParameterError(
             f"autoreset_mode = {mode!r} is not allowed: RLlib takes the step after an episode's "
             f"end for its reset, which is {AutoresetMode.NEXT_STEP.value!r}"
@@ -83,8 +84,9 @@ class OwnSeeds(gym.vector.VectorWrapper):
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
         """As the environment's, an integer seed spread by NumPy's `SeedSequence`."""
-        if isinstance(seed, int | np.integer):
-            words = np.random.SeedSequence(int(seed)).generate_state(self.num_envs, np.uint64)
+        seed = checks.batch_seeds(seed, self.num_envs)
+        if isinstance(seed, int):
+            words = np.random.SeedSequence(seed).generate_state(self.num_envs, np.uint64)
             seed = (words >> np.uint64(1)).tolist()
         inner: Any = self.env
         result: tuple[Any, dict[str, Any]] = inner.reset(seed=seed, options=options)

@@ -106,14 +106,11 @@ class RemoteBatch(Session):
         self, actions: Any, out: npt.NDArray[np.float32] | None = None
     ) -> tuple[npt.NDArray[Any], ...]:
         """One control step; see `_native.Batch.step`."""
-        array = np.asarray(actions)
+        array = checks.actions(actions)
         expected = (self.num_envs, len(self.spec["action"]["low"]))
-        if array.shape != expected or array.dtype.kind not in "fiub":
-            raise ShapeError(
-                f"actions has shape {array.shape} and type {array.dtype}, "
-                f"but {expected} numbers are needed"
-            )
-        arrays = {"action": array.astype("<f4")}
+        if array.shape != expected:
+            raise _shape(array, expected)
+        arrays = {"action": _single(array)}
         return self._change("step", {}, arrays, lambda reply: self._results(reply, out))
 
     def reset_single(
@@ -127,10 +124,10 @@ class RemoteBatch(Session):
         self, action: Any
     ) -> tuple[npt.NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """`step` of the one environment of mode Single."""
-        array = np.asarray(action)
+        array = checks.actions(action)
         expected = (len(self.spec["action"]["low"]),)
         if array.shape != expected:
-            raise ShapeError(f"the action has shape {array.shape}, but {expected} is needed")
+            raise _shape(array, expected)
         result = self.step(array[np.newaxis])
         terms, count = result[5][0].tolist(), len(self.spec["reward_terms"])
         info: dict[str, Any] = dict(zip(self.spec["metrics"], terms[count:], strict=True))
@@ -269,6 +266,19 @@ class RemoteBatch(Session):
     def __setstate__(self, states: list[bytes]) -> None:
         if states:
             self.set_states(0, states)
+
+
+def _single(array: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
+    """A copy in single precision; finite numbers beyond its range stay finite, as locally."""
+    if array.dtype != np.float32:
+        most = np.finfo(np.float32).max
+        array = np.where(np.isfinite(array), np.clip(array, -most, most), array)
+    return array.astype("<f4")
+
+
+def _shape(array: npt.NDArray[Any], expected: tuple[int, ...]) -> ShapeError:
+    """The error of a local batch, in its words."""
+    return ShapeError(f"action has shape {list(array.shape)}, but {list(expected)} is needed")
 
 
 def _split_state(options: dict[str, Any], arrays: Arrays) -> tuple[dict[str, Any], Arrays]:

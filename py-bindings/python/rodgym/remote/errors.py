@@ -6,6 +6,7 @@ from rodgym.errors import RodgymError
 #: The class that a local environment would raise, by the protocol's word for the core's error.
 _LOCAL: dict[str, type[RodgymError]] = {
     "unknown_env": errors.UnknownEnvError,
+    "unknown_keyword": errors.UnknownKeywordError,
     "unknown_parameter": errors.ParameterError,
     "parameter": errors.ParameterError,
     "shape": errors.ShapeError,

@@ -1,4 +1,4 @@
-"""Reports of a run: plots, an animation and one HTML page (extra ``train``)."""
+"""Reports of a run: plots, an animation and one HTML page (extra ``report``)."""
 
 from __future__ import annotations
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from rodgym import _checks as checks
 from rodgym import machines
 from rodgym.evaluation import Evaluation, Policy, Record, evaluate, record
 from rodgym.report import animation, plots
@@ -57,6 +58,7 @@ def compare(
     ``learning_curve.png``; and the machine's own pictures.
     """
     began = time.perf_counter()
+    seeds = checks.seeds(seeds)
     kwargs = dict(env_kwargs or {})
     evaluations = tuple(
         evaluate(e.policy, env_id, seeds, env_kwargs=kwargs, name=e.name) for e in entrants

@@ -10,6 +10,7 @@ import gymnasium as gym
 import numpy as np
 
 from rodgym import machines
+from rodgym.evaluation.conditions import conditions, needs_end
 from rodgym.evaluation.episodes import play
 from rodgym.evaluation.policies import controller_names, find, load_policy
 from rodgym.evaluation.score import score
@@ -39,13 +40,14 @@ def run_case(case: Case) -> Row:
     The row depends on the case alone: not on the machine, the process or what ran before. Scores
     that no episode defines are NaN.
     """
-    kwargs = _below("env.", case)
-    env: Any = gym.make_vec(case["env"], num_envs=case["seeds"], num_threads=1, **kwargs)
+    env_id, kwargs = conditions(case["env"], _below("env.", case))
+    env: Any = gym.make_vec(env_id, num_envs=case["seeds"], num_threads=1, **kwargs)
     try:
+        needs_end(env)
         policy = load_policy(case["policy"], env)
         believed = _below("design.", case)
         if believed:
-            other = gym.make_vec(case["env"], num_envs=1, **{**kwargs, **believed})
+            other = gym.make_vec(env_id, num_envs=1, **{**kwargs, **believed})
             policy = load_policy(case["policy"], other)
             other.close()
         start = _below("start.", case)

@@ -23,6 +23,7 @@ from __future__ import annotations
 import hashlib
 import itertools
 import json
+import math
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -30,7 +31,10 @@ from typing import Any
 
 import rodgym
 from rodgym import _native, machines
+from rodgym._checks import episode_steps
+from rodgym._literal import literal
 from rodgym._registration import REMOTE
+from rodgym.evaluation.conditions import CHOSEN
 from rodgym.machines import Column
 
 Case = dict[str, Any]
@@ -40,6 +44,7 @@ MAX_CASES = 1_000_000
 _TOP = ("title", "env", "seeds", "fixed", "sweep", "plot")
 _PLOT = ("x", "y", "value", "panel", "line")
 _PLAIN = ("policy", "seed")
+LIMIT = "env.max_episode_steps"
 
 
 class StudyError(rodgym.RodgymError, ValueError):
@@ -62,6 +67,12 @@ class Study:
         for values in itertools.product(*self.sweep.values()):
             swept = dict(zip(self.sweep, values, strict=True))
             yield {"env": self.env, "seeds": self.seeds, **self.fixed, **swept}
+
+    @property
+    def policies(self) -> list[str]:
+        """Every policy of its cases, once."""
+        fixed = [self.fixed["policy"]] if "policy" in self.fixed else []
+        return list(dict.fromkeys([*fixed, *self.sweep.get("policy", ())]))
 
     def __len__(self) -> int:
         count = 1
@@ -112,8 +123,11 @@ def parse(content: Mapping[str, Any], name: str) -> Study:
     seeds = content.get("seeds", 1)
     if not isinstance(seeds, int) or isinstance(seeds, bool) or seeds < 1:
         raise StudyError(f"seeds = {seeds!r} is not allowed: it must be a whole number, 1 or more")
-    fixed = _mapping("fixed", content.get("fixed", {}))
-    sweep = {k: _values(k, v) for k, v in _mapping("sweep", content["sweep"]).items()}
+    fixed = {k: _read(k, v) for k, v in _mapping("fixed", content.get("fixed", {})).items()}
+    sweep = {
+        k: [_read(k, one) for one in _values(k, v)]
+        for k, v in _mapping("sweep", content["sweep"]).items()
+    }
     env = str(content["env"])
     scores, starts = columns_of(env), starts_of(env)
     for key in (*fixed, *sweep):
@@ -122,6 +136,13 @@ def parse(content: Mapping[str, Any], name: str) -> Study:
                 f"{key!r} is no key of a case in {env}: there are env.<keyword>, "
                 f"design.<keyword>, {', '.join((*_PLAIN, *starts))}"
             )
+        start = key in starts
+        for value in (*sweep.get(key, ()), fixed.get(key, 0.0)) if start else ():
+            _end(key, "value", value)
+        if (word := key.removeprefix("env.")) != key and word in (*CHOSEN, "num_threads"):
+            raise StudyError(f"{key!r} is not allowed: a study chooses it")
+    for limit in (*sweep.get(LIMIT, ()), fixed.get(LIMIT)):
+        episode_steps(limit)
     if both := sorted(set(fixed) & set(sweep)):
         raise StudyError(f"{both[0]!r} is both fixed and swept")
     if "policy" not in (*fixed, *sweep):
@@ -192,6 +213,24 @@ def _mapping(name: str, value: Any) -> dict[str, Any]:
     return value
 
 
+def _read(key: str, value: Any) -> Any:
+    """A keyword's value; YAML takes ``1e-4`` and values of Python for text."""
+    if not isinstance(value, str) or key in _PLAIN:
+        return value
+    try:
+        return literal(value)
+    except ValueError as error:
+        raise StudyError(f"{key}: {error}") from error
+
+
+def _end(key: str, side: str, value: Any) -> float:
+    """An end of an interval."""
+    value = _read(key, value)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise StudyError(f"{side} = {value!r} of {key!r} is not allowed: it must be a number")
+    return float(value)
+
+
 def _only(name: str, content: Mapping[str, Any], known: tuple[str, ...]) -> None:
     for key in content:
         if key not in known:
@@ -208,8 +247,11 @@ def _values(key: str, value: Any) -> list[Any]:
         return [value]
     if set(value) != {"from", "to", "steps"}:
         raise StudyError(f"sweep of {key!r} must have from, to and steps, or be a list")
-    first, last, steps = float(value["from"]), float(value["to"]), value["steps"]
-    if not isinstance(steps, int) or steps < 2:
-        raise StudyError(f"steps = {steps!r} of {key!r} must be a whole number, 2 or more")
+    first, last = (_end(key, side, value[side]) for side in ("from", "to"))
+    steps = value["steps"]
+    if not isinstance(steps, int) or not 2 <= steps <= MAX_CASES:
+        raise StudyError(
+            f"steps = {steps!r} of {key!r} must be a whole number from 2 to {MAX_CASES}"
+        )
     # Twelve digits, so that the table shows 0.3 where arithmetic gives 0.30000000000000004.
     return [float(f"{first + (last - first) * i / (steps - 1):.12g}") for i in range(steps)]

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import rodgym
+from rodgym._literal import literal
 from rodgym.zoo import ZOO, zoo_policy
 
 __all__ = ["ZOO", "Recipe", "RecipeError", "has_recipe", "load_recipe", "zoo_policy"]
@@ -102,9 +103,9 @@ def schedule(name: str, value: Any) -> Any:
         return value
     if not value.startswith("lin_"):
         try:
-            return float(value)
-        except ValueError:
-            return value
+            return literal(value)
+        except ValueError as error:
+            raise RecipeError(f"{name}: {error}") from error
     try:
         initial = float(value.removeprefix("lin_"))
     except ValueError:

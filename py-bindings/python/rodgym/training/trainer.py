@@ -21,11 +21,13 @@ from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 from stable_baselines3.common.vec_env import VecEnv, VecFrameStack
 
 import rodgym.sb3
+from rodgym import _checks as checks
 from rodgym.evaluation import evaluate
+from rodgym.evaluation.conditions import conditions
 from rodgym.evaluation.policies import CARD, Policy, Stacked
+from rodgym.progress import Bar, interrupt_flag
 from rodgym.runs import Run, versions, write_csv
 from rodgym.training.own_actions import OwnActions
-from rodgym.training.progress import Bar, interrupt_flag
 from rodgym.training.recipe import Recipe, RecipeError, load_recipe
 
 #: Seeds that choose among the agent's stages. Tables are made on other ones (0 to 99 by default).
@@ -87,9 +89,11 @@ def train(
     Raises
     ------
     RecipeError: a hyperparameter that the algorithm does not take
+    ParameterError: a keyword that a training chooses itself, or episodes without an end
     """
     recipe = recipe or load_recipe(env_id)
-    kwargs = dict(env_kwargs or {})
+    seed = checks.whole("seed", seed, 0, 2**32 - 1, "a whole number from 0 to 2^32 - 1")
+    env_id, kwargs = conditions(env_id, env_kwargs)
     # The networks are small: a second thread costs more in waiting than it gains.
     torch.set_num_threads(1)
     env = make_training_env(env_id, recipe, seed, kwargs)

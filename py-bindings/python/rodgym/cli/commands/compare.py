@@ -19,11 +19,13 @@ SUMMARY = "train an agent, compare it with controllers on the same seeds, write 
 EXAMPLES = """
 rodgym compare
 rodgym compare --env rodgym/PendulumSwingUpBase-v0 --controller lqg,thesis-lqg
+rodgym compare --policy lqr --controller lqr-hybrid
 rodgym compare --policy zoo,runs/demo/policy.zip --controller lqr --env-arg width=0.0081
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_arguments(parser: argparse.ArgumentParser, **run: str) -> None:
+    """`run` goes to `add_run`."""
     add_env(parser)
     parser.add_argument(
         "--controller",
@@ -38,11 +40,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="extend",
         type=some_names,
         metavar="FILE,...",
-        help="trained policies to compare instead of training one; 'zoo' is the one of rodgym",
+        help="policies to compare instead of training one: files, 'zoo' for the one that comes "
+        "with rodgym, or controllers",
     )
     add_seeds(parser)
     add_training(parser)
-    add_run(parser)
+    add_run(parser, **run)
 
 
 def names(text: str) -> list[str]:
@@ -70,6 +73,8 @@ def run(args: argparse.Namespace) -> int:
     import gymnasium as gym
 
     from rodgym import machines
+    from rodgym.cli.needs import REPORT, need, of_env, of_policy
+    from rodgym.cli.needs import TRAINING as TRAINS
     from rodgym.evaluation import load_policy
     from rodgym.runs import Run, default_name
 
@@ -77,6 +82,8 @@ def run(args: argparse.Namespace) -> int:
     if args.policy and asked:
         named = ", ".join("--set" if name == "changes" else f"--{name}" for name in asked)
         raise UsageError(f"{named}: nothing is trained where --policy is given")
+    policies = of_policy(*args.policy) if args.policy else TRAINS
+    need(*policies, *REPORT, *of_env(args.env))
     folder = Run(args.name or default_name("compare", args.env), args.runs)
     if not (args.policy or args.force):
         folder.keep_policy()

@@ -18,7 +18,7 @@ rodgym demo --steps 200000 --name quick
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    compare.add_arguments(parser)
+    compare.add_arguments(parser, words="default demo")
 
 
 def run(args: argparse.Namespace) -> int:

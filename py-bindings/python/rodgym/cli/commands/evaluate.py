@@ -27,10 +27,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     from rodgym.cli.entrants import resolve_env
+    from rodgym.cli.needs import need, of_env, of_policy
     from rodgym.evaluation import comparison_table, evaluate
     from rodgym.runs import Run, default_name
 
     env_id, env_kwargs = resolve_env(args.policy, args.env, dict(args.env_arg), DEFAULT_ENV)
+    need(*of_policy(args.policy), *of_env(env_id))
     result = evaluate(args.policy, env_id, args.seeds, env_kwargs=env_kwargs)
     folder = Run(args.name or default_name("evaluate", env_id), args.runs)
     folder.facts |= {"env": env_id, "env_kwargs": env_kwargs, "policy": args.policy}

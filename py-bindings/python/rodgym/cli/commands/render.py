@@ -23,11 +23,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("out", nargs="?", type=Path, help="file to write: .gif or .png")
     add_env(parser, default=None)
-    parser.add_argument("--seed", type=seed, default=0, help="seed of the episode (default 0)")
+    parser.add_argument(
+        "--seed", type=seed, default=0, metavar="N", help="seed of the episode (default 0)"
+    )
     parser.add_argument(
         "--stills",
         type=at_most(MAX_STILLS),
         default=5,
+        metavar="N",
         help=f"pictures in a .png strip (default 5, at most {MAX_STILLS})",
     )
     parser.add_argument("--show", action="store_true", help="play it in a window")
@@ -35,6 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     from rodgym.cli.entrants import resolve_env, title
+    from rodgym.cli.needs import need, of_env, of_policy
     from rodgym.evaluation import record
 
     if args.show == (args.out is not None):
@@ -46,6 +50,7 @@ def run(args: argparse.Namespace) -> int:
     if args.out and args.out.is_dir():
         raise UsageError(f"cannot write {args.out}: it is a folder")
     env_id, env_kwargs = resolve_env(args.policy, args.env, dict(args.env_arg), DEFAULT_ENV)
+    need("pygame" if args.show else "PIL", *of_policy(args.policy), *of_env(env_id))
     if args.show:
         record(args.policy, env_id, args.seed, env_kwargs={**env_kwargs, "render_mode": "human"})
         return 0

@@ -18,14 +18,16 @@ CHAPTERS = ("chapter3", "chapter4")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("chapter", choices=CHAPTERS, help="which chapter")
-    add_run(parser)
+    add_run(parser, words="default reproduce-CHAPTER")
 
 
 def run(args: argparse.Namespace) -> int:
     import importlib
 
+    from rodgym.cli.needs import need
     from rodgym.runs import Run
 
+    need("matplotlib", "jinja2")
     module = importlib.import_module(f"rodgym.reproduction.{args.chapter}")
     folder = Run(args.name or f"reproduce-{args.chapter}", args.runs)
     folder.write_facts()

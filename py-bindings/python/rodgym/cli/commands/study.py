@@ -46,10 +46,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     from pathlib import Path
 
+    from rodgym.cli.needs import need, of_env, of_policy
+    from rodgym.progress import Bar
     from rodgym.runs import Run
     from rodgym.study import Backend, local, read, run_study
-    from rodgym.training.progress import Bar
 
+    on_ray = () if args.ray is None else ("ray",)
+    need("yaml", *on_ray)
+    study = read(args.study)
+    # What draws is asked for now: a study may take hours.
+    drawn = ("matplotlib",) if study.plot else ()
+    need("yaml", *on_ray, *drawn, *of_policy(*study.policies), *of_env(study.env))
     backend: Backend
     if args.ray is None:
         backend = local(args.workers or 1)
@@ -57,10 +64,6 @@ def run(args: argparse.Namespace) -> int:
         import rodgym.ray
 
         backend = rodgym.ray.backend(args.ray, args.workers)
-    study = read(args.study)
-    if study.plot:
-        # What draws is loaded now: a study may take hours.
-        from rodgym.study.plot import draw
     folder = Run(args.name or f"study-{Path(args.study).stem}", args.runs)
     folder.facts |= {"study": study.title, "env": study.env, "cases": len(study)}
     folder.write_facts()
@@ -76,6 +79,8 @@ def run(args: argparse.Namespace) -> int:
         rows = run_study(study, table, backend, on_row)
     print(f"{len(rows)} cases: {table}")
     if study.plot:
+        from rodgym.study.plot import draw
+
         picture = folder.file("plot.png")
         draw(study, rows, picture)
         print(f"picture: {picture}")

@@ -42,7 +42,9 @@ def add_training(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--steps", type=positive, metavar="N", help="environment steps (default: the recipe's)"
     )
-    parser.add_argument("--seed", type=seed, help=f"seed of the training (default {SEED})")
+    parser.add_argument(
+        "--seed", type=seed, metavar="N", help=f"seed of the training (default {SEED})"
+    )
     parser.add_argument(
         "--recipe", type=Path, metavar="FILE", help="YAML of recipes (default: those of rodgym)"
     )
@@ -61,8 +63,10 @@ def add_training(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
+    from rodgym.cli.needs import TRAINING, need, of_env
     from rodgym.runs import Run, default_name
 
+    need(*TRAINING, *of_env(args.env))
     folder = Run(args.name or default_name("train", args.env), args.runs)
     training = train(args, folder)
     folder.facts |= {"env": args.env, "seed": training.seed, "recipe": training.recipe.as_dict()}

@@ -1,0 +1,36 @@
+"""What a command needs beside the package itself, asked before it works."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rodgym.cli.arguments import UsageError
+from rodgym.extras import missing
+
+#: Plots, animations and pages of a comparison.
+REPORT = ("matplotlib", "jinja2", "PIL")
+#: A training and the recipe it reads.
+TRAINING = ("stable_baselines3", "yaml")
+
+
+def need(*modules: str) -> None:
+    """Ends the command where one of these modules is not installed.
+
+    Raises:
+        UsageError: the sentence says which, and the extra that brings them all.
+    """
+    if said := missing(modules):
+        raise UsageError(said)
+
+
+def of_policy(*sources: str) -> tuple[str, ...]:
+    """What policies need: trained ones are played by Stable-Baselines3."""
+    trained = any(source == "zoo" or Path(source).exists() for source in sources)
+    return ("stable_baselines3",) if trained else ()
+
+
+def of_env(env_id: str | None) -> tuple[str, ...]:
+    """What an environment needs: one of a server the network."""
+    from rodgym._registration import REMOTE
+
+    return ("zmq", "msgpack") if env_id == REMOTE else ()
