@@ -122,6 +122,8 @@ fn spec<T: Task>(entry: &Entry, machine: &T::Machine) -> Spec {
         default_max_episode_steps: entry.max_episode_steps,
         control_dt: machine.control_dt(),
         physics_dt: machine.physics_dt(),
+        error: machine.error(),
+        warning: machine.warning(),
     }
 }
 
