@@ -107,6 +107,15 @@ bench-ray: extension ## long: a study on one worker and on two
 bench: extension ## speed beside other simulators (installed ones): refreshes docs/performance/
 	$(BIN)/rodgym bench --runs docs --name performance $(ARGS)
 
+.PHONY: accuracy
+accuracy: venv ## long: how exact every stepper is; writes the table of default steps and docs/performance/accuracy.md
+	cargo build --release -p rodgym-core --example swing
+	$(BIN)/python tests/long/accuracy.py
+
+.PHONY: soak-pendulum
+soak-pendulum: ## long: a million random torques on ordinary rods, and on soft and thin ones
+	cargo test --release -p rodgym-core --test accuracy -- --ignored --nocapture
+
 controllers: extension ## long: every claim of the controllers on 100 seeds, writes docs/controllers.md
 	$(BIN)/python tests/long/controllers.py
 

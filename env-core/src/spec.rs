@@ -67,4 +67,9 @@ pub struct Spec {
     pub control_dt: f64,
     /// Duration of a physics step \[s\].
     pub physics_dt: f64,
+    /// Estimated error of scheme and step, where there is an estimate: of a pendulum the distance of the tip from the
+    /// converged path after 1 s of free swing from the horizontal, over its length.
+    pub error: Option<f64>,
+    /// What users should be warned of.
+    pub warning: Option<String>,
 }

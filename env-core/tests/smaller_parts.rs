@@ -48,7 +48,7 @@ fn advance(scheme: Scheme, dt: f64, steps: usize, motion: &mut Motion<f64>) -> b
 
 #[test]
 fn a_step_that_fails_is_taken_as_its_halves() {
-    for scheme in [Scheme::Implicit, Scheme::BackwardEuler] {
+    for scheme in [Scheme::Implicit, Scheme::BackwardEuler, Scheme::TrBdf2] {
         let mut as_halves = 0;
         for seed in 0..200 {
             let (mut whole, mut halves) = (torn(seed), torn(seed));
@@ -64,7 +64,9 @@ fn a_step_that_fails_is_taken_as_its_halves() {
 #[test]
 fn each_lane_is_repaired_by_itself() {
     const W: usize = 8;
-    for scheme in [Scheme::Verlet, Scheme::Implicit, Scheme::BackwardEuler] {
+    for scheme in
+        [Scheme::Verlet, Scheme::Implicit, Scheme::BackwardEuler, Scheme::TrBdf2, Scheme::Esdirk3]
+    {
         let (steps, dt) = if scheme == Scheme::Verlet { (10, 5e-4) } else { (1, 5e-3) };
         let (mut rods, mut motions) = (Rod::<Lanes<W>>::new(NODES), Motion::new(NODES));
         let mut singles: Vec<_> = (0..W as u64).map(torn).collect();

@@ -46,6 +46,14 @@ pub trait Machine: Clone + Send + Sync + Sized + 'static {
     fn control_dt(&self) -> f64;
     /// Duration of a physics step \[s\].
     fn physics_dt(&self) -> f64;
+    /// See `Spec::error`.
+    fn error(&self) -> Option<f64> {
+        None
+    }
+    /// See `Spec::warning`.
+    fn warning(&self) -> Option<String> {
+        None
+    }
 
     /// A plant whose lanes all hold a valid state with default parameters.
     fn new_plant<R: Real>(&self) -> Self::Plant<R>;

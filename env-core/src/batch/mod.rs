@@ -121,6 +121,8 @@ fn spec<T: Task>(id: &str, machine: &T::Machine) -> Spec {
         default_max_episode_steps: T::MAX_EPISODE_STEPS,
         control_dt: machine.control_dt(),
         physics_dt: machine.physics_dt(),
+        error: machine.error(),
+        warning: machine.warning(),
     }
 }
 

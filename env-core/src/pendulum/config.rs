@@ -1,5 +1,6 @@
 //! Keywords of the pendulum environments, checked.
 
+use super::accuracy;
 use crate::draw::Draw;
 use crate::error::{Error, Result};
 use crate::given::whole;
@@ -8,7 +9,7 @@ use crate::lane::Real;
 use crate::reader::Reader;
 use crate::rod::Uniform;
 use crate::solver::Scheme;
-use serde_json::{Map, Value};
+use serde_json::{Map, Value, json};
 
 /// Which numbers the agent sees.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -114,14 +115,22 @@ pub const KEYWORDS: &[Keyword] = &[
         "s",
         "chosen",
         Allowed::Number(1e-7, 1.0),
-        "2e-4 with Verlet, 1e-3 with an implicit stepper",
+        "auto: what keeps the tip within 1e-4 of the length; else 2e-4 with Verlet, 1e-3 with others",
     )),
     bare(keyword(
         "stepper",
         "",
         "\"auto\"",
-        Allowed::Choice(&["auto", "verlet", "backward_euler", "implicit"]),
-        "auto: verlet where stable, else implicit",
+        Allowed::Choice(&[
+            "auto",
+            "verlet",
+            "backward_euler",
+            "implicit",
+            "bdf2",
+            "tr_bdf2",
+            "esdirk3",
+        ]),
+        "auto: the cheaper of verlet and esdirk3 (with physics_dt: verlet where stable, else implicit)",
     )),
     keyword(
         "start_angle",
@@ -187,6 +196,10 @@ pub struct Config {
     pub control_dt: f64,
     /// Physics steps of a control step.
     pub substeps: usize,
+    /// What the tip is off after 1 s of free swing, at most, over the rod's length, where that is known.
+    pub error: Option<f64>,
+    /// Whether scheme and step were to be chosen so that the tip is within `accuracy::CONTRACT`.
+    pub promised: bool,
     /// Range of the first edge's start angle, from hanging \[rad\].
     pub start_angle: (f64, f64),
     /// Range of the start angle's growth from first to last edge \[rad\].
@@ -242,7 +255,8 @@ impl Config {
         let control_dt = reader.number("control_dt", 0.01)?;
         let bounds: Vec<_> = draws.iter().map(Draw::bounds).collect();
         let limit = verlet_limit(nodes, &bounds);
-        let (scheme, physics_dt, substeps) = timing(&mut reader, thesis, control_dt, limit)?;
+        let timing = timing(&mut reader, thesis, control_dt, (nodes, &bounds, limit))?;
+        let Timing { scheme, physics_dt, substeps, promised } = timing;
         let sensors = match reader.choice("observation", setup.sensors.word())? {
             "full" => Sensors::Full,
             "base" => Sensors::Base,
@@ -259,6 +273,8 @@ impl Config {
             physics_dt,
             control_dt,
             substeps,
+            error: accuracy::error(scheme, physics_dt, nodes, &bounds),
+            promised,
             start_angle: reader.range("start_angle", setup.start_angle)?,
             start_bend: reader.range("start_bend", setup.start_bend)?,
             noise: reader.numbers("sensor_noise")?,
@@ -269,37 +285,79 @@ impl Config {
     }
 }
 
-/// Scheme, physics step and physics steps a control step.
+impl Config {
+    /// What users should know of the error, where no default keeps it within the contract.
+    pub fn warning(&self) -> Option<String> {
+        let contract = accuracy::CONTRACT;
+        if !self.promised || self.error.is_some_and(|error| error <= contract * 1.000_001) {
+            return None;
+        }
+        let error = match self.error {
+            Some(error) => format!("is estimated to be off by {error:.1e} of its length"),
+            None => "follows no path that smaller steps converge to".into(),
+        };
+        Some(format!(
+            "after 1 s of free swing the tip of this rod {error} ({} steps of {:.3e} s; elsewhere the promise is {contract:.0e}): more damping, a stiffer rod or a smaller physics_dt help",
+            self.scheme.name(),
+            self.physics_dt
+        ))
+    }
+}
+
+/// How time is divided.
+struct Timing {
+    scheme: Scheme,
+    physics_dt: f64,
+    substeps: usize,
+    promised: bool,
+}
+
+/// Scheme, physics step and physics steps a control step. The rod: nodes, bounds of its parameters, Verlet's limit.
 fn timing(
     reader: &mut Reader<'_>,
     thesis: bool,
     control_dt: f64,
-    limit: f64,
-) -> Result<(Scheme, f64, usize)> {
+    (nodes, bounds, limit): (usize, &[(f64, f64)], f64),
+) -> Result<Timing> {
     let word = reader.choice("stepper", if thesis { "backward_euler" } else { "auto" })?;
     let asked = reader.asked("physics_dt")?;
     let divided = |dt: f64| control_dt / (control_dt / dt - 1e-9).ceil();
-    let scheme = match word {
-        "verlet" => Scheme::Verlet,
-        "backward_euler" => Scheme::BackwardEuler,
-        "implicit" => Scheme::Implicit,
-        _ if asked.unwrap_or(divided(VERLET_DT)) <= limit => Scheme::Verlet,
-        _ => Scheme::Implicit,
+    let (scheme, dt) = match (word, asked) {
+        ("verlet", _) => (Scheme::Verlet, divided(VERLET_DT)),
+        ("backward_euler", _) if thesis => (Scheme::BackwardEuler, divided(THESIS_DT)),
+        ("backward_euler", _) => (Scheme::BackwardEuler, divided(IMPLICIT_DT)),
+        ("implicit", _) => (Scheme::Implicit, divided(IMPLICIT_DT)),
+        ("bdf2", _) => (Scheme::Bdf2, divided(IMPLICIT_DT)),
+        ("tr_bdf2", _) => (Scheme::TrBdf2, divided(IMPLICIT_DT)),
+        ("esdirk3", _) => (Scheme::Esdirk3, divided(IMPLICIT_DT)),
+        (_, Some(dt)) if dt <= limit => (Scheme::Verlet, dt),
+        (_, Some(dt)) => (Scheme::Implicit, dt),
+        (_, None) => {
+            let choice = accuracy::choose(nodes, bounds, limit, control_dt);
+            // A delay is a multiple of the physics step: where one is asked for, steps that divide it.
+            let delay = reader.get("actuator_delay").and_then(Value::as_f64).unwrap_or(0.0);
+            let whole = |steps: &usize| {
+                let late = delay / control_dt * *steps as f64;
+                (late - late.round()).abs() < 1e-9
+            };
+            let steps = (choice.steps..=64 * choice.steps).find(whole).unwrap_or(choice.steps);
+            (choice.scheme, control_dt / steps as f64)
+        }
     };
-    let default = match scheme {
-        _ if thesis => THESIS_DT,
-        Scheme::Verlet => VERLET_DT,
-        _ => IMPLICIT_DT,
-    };
-    let dt = asked.unwrap_or(divided(default));
-    if scheme == Scheme::Verlet && dt > limit {
+    let physics_dt = asked.unwrap_or(dt);
+    if scheme == Scheme::Verlet && physics_dt > limit {
+        let (name, value) = match asked {
+            Some(dt) => ("physics_dt", json!(dt)),
+            None => ("stepper", json!("verlet")),
+        };
         let allowed = format!(
-            "at most {limit:.3e} s for the verlet stepper with these parameters (stepper='implicit' has no limit)"
+            "a physics_dt of at most {limit:.3e} s for the verlet stepper with these parameters, or another stepper (tr_bdf2 and esdirk3 have no limit)"
         );
-        return Err(Error::parameter("physics_dt", dt, allowed));
+        return Err(Error::parameter(name, value, allowed));
     }
-    let substeps = whole("control_dt", control_dt, dt)?;
+    let substeps = whole("control_dt", control_dt, physics_dt)?;
     reader.note("stepper", scheme.name());
-    reader.note("physics_dt", dt);
-    Ok((scheme, dt, substeps))
+    reader.note("physics_dt", physics_dt);
+    let promised = word == "auto" && asked.is_none();
+    Ok(Timing { scheme, physics_dt, substeps, promised })
 }

@@ -1,5 +1,6 @@
 //! The inverted elastic pendulum (thesis chapter 4): a rod pinned at its base, a torque on its first edge.
 
+pub mod accuracy;
 pub mod config;
 mod linear;
 mod plant;
@@ -106,6 +107,14 @@ impl Machine for Pendulum {
 
     fn physics_dt(&self) -> f64 {
         self.config.physics_dt
+    }
+
+    fn error(&self) -> Option<f64> {
+        self.config.error
+    }
+
+    fn warning(&self) -> Option<String> {
+        self.config.warning()
     }
 
     fn new_plant<R: Real>(&self) -> Plant<R> {

@@ -33,7 +33,8 @@ impl<R: Real> Integrator<R> {
         let method = match scheme.table() {
             None => Method::Verlet(Verlet { dt, saved: motion(), kept: motion() }),
             Some(table) => {
-                Method::Implicit(Solver::new(table, dt, motion), Elimination::new(nodes))
+                let slopes = table.slopes().max(table.parts.slopes());
+                Method::Implicit(Solver::new(table, dt, motion), Elimination::new(nodes, slopes))
             }
         };
         let past = Past::new(scheme, |kept| if kept { motion() } else { Motion::default() });
@@ -45,6 +46,10 @@ impl<R: Real> Integrator<R> {
     pub fn prepare(scheme: Scheme, rod: &Rod<f64>, motion: &mut Motion<f64>) {
         match scheme {
             Scheme::Verlet => prepare(rod, motion),
+            Scheme::TrBdf2 | Scheme::Esdirk3 => {
+                prepare(rod, motion);
+                motion.a_before.copy_from_slice(&motion.a);
+            }
             // What the first implicit step guesses from: no acceleration known yet.
             _ => {
                 motion.a.fill(Vec2::zero());

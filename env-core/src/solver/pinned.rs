@@ -4,8 +4,8 @@
 //! line through those of the last two stages gives. Where the motion is smooth that is so close that one iteration is
 //! enough.
 
-use super::{Drive, FOLDED, Stage, System};
-use crate::lane::Real;
+use super::{Drive, FOLDED, Origin, Stage, System};
+use crate::lane::{Mask, Real};
 use crate::linear::{Ascent, Block, Border, Descent, Front};
 use crate::rod::{Motion, Rod, Shape, linearize};
 use crate::vec2::Vec2;
@@ -22,6 +22,8 @@ pub struct Elimination<R> {
     /// For torques that depend on the state: corrections at constant torque, and the border that the torque is.
     at_torque: Vec<Vec2<R>>,
     border: Border<R>,
+    /// Of the start of a step and of its stages: velocities, and accelerations.
+    slopes: Vec<[Vec<Vec2<R>>; 2]>,
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -31,12 +33,14 @@ struct Row<R> {
 }
 
 impl<R: Real> Elimination<R> {
-    /// Memory for rods of `nodes` nodes.
-    pub fn new(nodes: usize) -> Self {
+    /// Memory for rods of `nodes` nodes and for schemes that keep `slopes` slopes.
+    pub fn new(nodes: usize, slopes: usize) -> Self {
+        let zeros = || vec![Vec2::zero(); nodes];
         Elimination {
             rows: vec![Row::default(); nodes - 1],
             at_torque: vec![Vec2::zero(); nodes],
             border: Border::new(nodes),
+            slopes: (0..slopes).map(|_| [zeros(), zeros()]).collect(),
         }
     }
 }
@@ -72,6 +76,10 @@ impl<R: Real, D: Drive<R>> System<R> for Pinned<'_, R, D> {
         // A stiff law of the state throws the torque about, and the equations have several solutions: no guess
         // ahead of what was.
         let ahead = if D::FEEDBACK { R::zero() } else { stage.ahead };
+        if let Origin::Slopes { from, guess } = stage.origin {
+            self.from_slopes(stage, ahead, from, guess, start, origin);
+            return;
+        }
         let Motion { x, v, a, a_before } = &mut *self.motion;
         std::mem::swap(a, a_before);
         for i in 1..x.len() {
@@ -87,7 +95,7 @@ impl<R: Real, D: Drive<R>> System<R> for Pinned<'_, R, D> {
     #[inline(always)]
     fn correct(&mut self, stage: &Stage<R>, origin: &Motion<R>, active: R::Mask) -> (R, R::Mask) {
         let (nodes, rate) = (self.rod.nodes(), stage.rate);
-        let Elimination { rows, at_torque, border } = &mut *self.work;
+        let Elimination { rows, at_torque, border, .. } = &mut *self.work;
         let Motion { x, v, a, .. } = &mut *self.motion;
         let torque = self.drive.torque(x, v);
         let shape = reduce(self.rod, x, v, Some(origin), torque, rate, rows);
@@ -117,9 +125,82 @@ impl<R: Real, D: Drive<R>> System<R> for Pinned<'_, R, D> {
     }
 
     #[inline(always)]
+    fn complete(&mut self, stage: &Stage<R>, _origin: &Motion<R>) -> R::Mask {
+        if let Origin::Slopes { from, .. } = stage.origin {
+            if stage.last {
+                // The torque may change from step to step: what is carried leaves it out.
+                let push = self.push();
+                self.motion.a[1] -= push;
+                self.motion.a_before[1] -= push;
+            } else {
+                self.keep(from.len());
+            }
+        }
+        R::Mask::splat(true)
+    }
+
+    #[inline(always)]
     fn tolerance(&self) -> R {
         let length = (self.rod.nodes() - 1) as f64;
         self.rod.rest[0] * R::splat((TOLERANCE * length).sqrt())
+    }
+}
+
+impl<R: Real, D: Drive<R>> Pinned<'_, R, D> {
+    /// What the torque adds to the acceleration of the second node.
+    #[inline(always)]
+    fn push(&self) -> Vec2<R> {
+        let Motion { x, v, .. } = &*self.motion;
+        let e = x[1] - x[0];
+        let torque = self.drive.torque(x, v);
+        e.perp().scale(torque * self.rod.inverse_mass[1] / e.dot(e))
+    }
+
+    /// Keeps the slope at the present state.
+    #[inline(always)]
+    fn keep(&mut self, place: usize) {
+        let [v, a] = &mut self.work.slopes[place];
+        v.copy_from_slice(&self.motion.v);
+        a.copy_from_slice(&self.motion.a);
+    }
+
+    /// `predict` for stages that start from slopes.
+    #[inline(always)]
+    fn from_slopes(
+        &mut self,
+        stage: &Stage<R>,
+        ahead: R,
+        from: &[f64],
+        guess: &[f64],
+        start: &Motion<R>,
+        origin: &mut Motion<R>,
+    ) {
+        if let [_] = from {
+            let push = self.push();
+            self.motion.a[1] += push;
+            self.motion.a_before[1] += push;
+            self.keep(0);
+        }
+        let slopes = &self.work.slopes;
+        let Motion { x, v, a, a_before } = &mut *self.motion;
+        std::mem::swap(a, a_before);
+        for i in 1..x.len() {
+            let (mut x0, mut v0) = (start.x[i], start.v[i]);
+            let mut slope = Vec2::zero();
+            for (j, (&from, &guess)) in from.iter().zip(guess).enumerate() {
+                let weight = R::splat(from) * stage.dt;
+                let [rate, acceleration] = &slopes[j];
+                x0 += rate[i].scale(weight);
+                v0 += acceleration[i].scale(weight);
+                slope += acceleration[i].scale(R::splat(guess));
+            }
+            if let [_] = from {
+                slope += (slope - a[i]).scale(ahead);
+            }
+            (origin.x[i], origin.v[i]) = (x0, v0);
+            v[i] = v0 + slope.scale(stage.h);
+            x[i] = x0 + v[i].scale(stage.h);
+        }
     }
 }
 

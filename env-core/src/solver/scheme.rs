@@ -15,6 +15,12 @@ pub enum Scheme {
     Implicit,
     /// Second-order backward differences, started by a step of backward Euler.
     Bdf2,
+    /// TR-BDF2 (Bank 1985): half a step of the trapezoidal rule, then one of backward differences. Second order,
+    /// L-stable, and of second order for the stiff parts too.
+    TrBdf2,
+    /// ESDIRK3(2)4L\[2\]SA (Kennedy and Carpenter 2016): an explicit and three implicit stages, third order, L-stable,
+    /// stages of second order.
+    Esdirk3,
 }
 
 impl Scheme {
@@ -25,6 +31,8 @@ impl Scheme {
             Scheme::BackwardEuler => "backward_euler",
             Scheme::Implicit => "implicit",
             Scheme::Bdf2 => "bdf2",
+            Scheme::TrBdf2 => "tr_bdf2",
+            Scheme::Esdirk3 => "esdirk3",
         }
     }
 
@@ -35,6 +43,8 @@ impl Scheme {
             Scheme::BackwardEuler => Some(&BACKWARD_EULER),
             Scheme::Implicit => Some(&SDIRK2),
             Scheme::Bdf2 => Some(&BDF2),
+            Scheme::TrBdf2 => Some(&TR_BDF2),
+            Scheme::Esdirk3 => Some(&ESDIRK3),
         }
     }
 }
@@ -73,6 +83,15 @@ pub enum Origin<R = f64> {
     /// `(1 + w) start - w before`, where `before` is the start of the step before. Where that is not known, the stage
     /// is one of backward Euler.
     Before(R),
+    /// `start + dt sum_j from_j z'_j` with the slopes z' at the start of the step and at the stages so far. The
+    /// acceleration is guessed as `sum_j guess_j` times theirs.
+    Slopes {
+        /// Weights of the slopes.
+        from: &'static [f64],
+        /// Weights of a polynomial through the accelerations (sum 1); of a single one, the guess is a straight line
+        /// through it and the stage before the step.
+        guess: &'static [f64],
+    },
 }
 
 /// 1 - 1/sqrt(2).
@@ -109,6 +128,89 @@ static BDF2: Table = Table {
     looks_back: true,
 };
 
+/// 2 - sqrt(2): where the trapezoidal rule of TR-BDF2 ends.
+const TR: f64 = 2.0 - std::f64::consts::SQRT_2;
+
+static TR_BDF2: Table = Table {
+    stages: &[
+        Row {
+            size: GAMMA,
+            end: TR,
+            origin: Origin::Slopes { from: &[GAMMA], guess: &[1.0] },
+            ahead: TR / (1.0 - TR),
+        },
+        Row {
+            size: GAMMA,
+            end: 1.0,
+            origin: Origin::Slopes {
+                from: &[0.5 * (1.0 - GAMMA), 0.5 * (1.0 - GAMMA)],
+                guess: &[1.0 - 1.0 / TR, 1.0 / TR],
+            },
+            ahead: 0.0,
+        },
+    ],
+    parts: &TR_BDF2,
+    looks_back: false,
+};
+
+/// The root of `g^3 - 3 g^2 + 3 g/2 - 1/6` that makes an L-stable scheme.
+const ETA: f64 = 0.435_866_521_508_459;
+/// Where the stages of ESDIRK3 end; the third is chosen.
+const ENDS: [f64; 3] = [2.0 * ETA, 0.6, 1.0];
+/// From conditions of second order of the third stage and of third order of the last.
+const THIRD: f64 = ENDS[1] * (ENDS[1] - ENDS[0]) / (4.0 * ETA);
+const LAST: [f64; 2] = [
+    (-2.0 + 3.0 * ENDS[1] + 6.0 * ETA * (1.0 - ENDS[1])) / (12.0 * ETA * (ENDS[1] - ENDS[0])),
+    (1.0 - 6.0 * ETA + 6.0 * ETA * ETA) / (3.0 * ENDS[1] * (ENDS[1] - ENDS[0])),
+];
+
+static ESDIRK3: Table = Table {
+    stages: &[
+        Row {
+            size: ETA,
+            end: ENDS[0],
+            origin: Origin::Slopes { from: &[ETA], guess: &[1.0] },
+            ahead: ENDS[0] / (1.0 - ENDS[1]),
+        },
+        Row {
+            size: ETA,
+            end: ENDS[1],
+            origin: Origin::Slopes {
+                from: &[ENDS[1] - THIRD - ETA, THIRD],
+                guess: &[1.0 - ENDS[1] / ENDS[0], ENDS[1] / ENDS[0]],
+            },
+            ahead: 0.0,
+        },
+        Row {
+            size: ETA,
+            end: 1.0,
+            origin: Origin::Slopes {
+                from: &[1.0 - LAST[0] - LAST[1] - ETA, LAST[0], LAST[1]],
+                // The parabola through 0, ENDS[0] and ENDS[1], at 1.
+                guess: &[
+                    (1.0 - ENDS[0]) * (1.0 - ENDS[1]) / (ENDS[0] * ENDS[1]),
+                    (1.0 - ENDS[1]) / (ENDS[0] * (ENDS[0] - ENDS[1])),
+                    (1.0 - ENDS[0]) / (ENDS[1] * (ENDS[1] - ENDS[0])),
+                ],
+            },
+            ahead: 0.0,
+        },
+    ],
+    parts: &TR_BDF2,
+    looks_back: false,
+};
+
+impl Table {
+    /// How many slopes a step must keep.
+    pub fn slopes(&self) -> usize {
+        let kept = |row: &Row| match row.origin {
+            Origin::Slopes { from, .. } => from.len(),
+            _ => 0,
+        };
+        self.stages.iter().map(kept).max().unwrap_or(0)
+    }
+}
+
 /// A stage in numbers.
 #[derive(Clone, Copy, Debug)]
 pub struct Stage<R> {
@@ -118,6 +220,10 @@ pub struct Stage<R> {
     pub elapsed: R,
     /// Its size h \[s\].
     pub h: R,
+    /// Size of the part \[s\].
+    pub dt: R,
+    /// Whether the part ends here.
+    pub last: bool,
     /// 1/h: the derivative of velocities by positions \[1/s\].
     pub rate: R,
     /// See `Row::ahead`.
@@ -135,6 +241,7 @@ impl Row {
         let origin = match self.origin {
             Origin::Start => Origin::Start,
             Origin::Stage(weight) => Origin::Stage(R::splat(weight)),
+            Origin::Slopes { from, guess } => Origin::Slopes { from, guess },
             Origin::Before(weight) => {
                 let there = R::zero().lt(known);
                 size = R::select(there, size, R::one());
@@ -146,6 +253,8 @@ impl Row {
             end: part.from + part.size * self.end,
             elapsed: R::splat(dt * self.end),
             h,
+            dt: R::splat(dt),
+            last: self.end == 1.0,
             rate: R::one() / h,
             ahead: R::splat(self.ahead),
             origin,
@@ -165,7 +274,8 @@ impl<R: Real> Stage<R> {
         node: usize,
     ) -> Vec2<R> {
         match self.origin {
-            Origin::Start => start,
+            // (Of slopes the system itself keeps account.)
+            Origin::Start | Origin::Slopes { .. } => start,
             Origin::Stage(weight) => start + (last[node] - start).scale(weight),
             Origin::Before(weight) => start.scale(R::one() + weight) - before[node].scale(weight),
         }

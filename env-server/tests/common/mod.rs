@@ -57,6 +57,8 @@ impl Counters {
             default_max_episode_steps: 3,
             control_dt: 0.01,
             physics_dt: 0.01,
+            error: None,
+            warning: None,
         };
         Ok(Box::new(Counters {
             spec,

@@ -7,6 +7,7 @@ in another; a third is a class with these two methods.
 
 from __future__ import annotations
 
+import warnings
 from typing import Any, Protocol
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy.typing as npt
 
 from rodgym import _native
 from rodgym._registration import ENVIRONMENTS
+from rodgym.errors import AccuracyWarning
 
 Arrays = tuple[npt.NDArray[Any], ...]
 
@@ -96,7 +98,10 @@ class Local:
         limit = None if max_episode_steps == -1 else max_episode_steps
         if autoreset_mode == "Single":
             num_threads = 1
-        return _native.Batch(env_id, num_envs, kwargs, autoreset_mode, limit, num_threads)
+        batch = _native.Batch(env_id, num_envs, kwargs, autoreset_mode, limit, num_threads)
+        if warning := batch.spec["warning"]:
+            warnings.warn(f"{env_id}: {warning}", AccuracyWarning, stacklevel=5)
+        return batch
 
     def registered(self, env_id: str, kwargs: dict[str, Any]) -> tuple[str, dict[str, Any]]:
         """See `Backend.registered`."""

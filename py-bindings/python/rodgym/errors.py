@@ -53,3 +53,7 @@ class DesignError(RodgymError, ValueError):
     """A controller that cannot be designed: a Riccati equation without solution, or too ill
     conditioned for one.
     """
+
+
+class AccuracyWarning(UserWarning):
+    """No default scheme and step keep the motion of such a rod as exact as is promised."""

@@ -18,7 +18,12 @@ FIN = "rodgym/FinThrust-v0"
 VARIANTS: tuple[tuple[str, str, dict[str, Any]], ...] = (
     ("implicit 1 ms", SWING_UP, {"stepper": "implicit", "physics_dt": 1e-3}),
     ("backward Euler 0.1 ms (thesis)", SWING_UP, {"thesis": True}),
-    ("31 nodes, implicit 1 ms", SWING_UP, {"nodes": 31}),
+    ("21 nodes", SWING_UP, {"nodes": 21}),
+    ("31 nodes", SWING_UP, {"nodes": 31}),
+    ("101 nodes", SWING_UP, {"nodes": 101}),
+    ("1e9 Pa", SWING_UP, {"youngs_modulus": 1e9}),
+    ("1e9 Pa, no damping", SWING_UP, {"youngs_modulus": 1e9, "bending_damping": 0.0}),
+    ("steel, 2e11 Pa", SWING_UP, {"youngs_modulus": 2e11}),
     ("backward Euler", FIN, {"stepper": "backward_euler"}),
 )
 

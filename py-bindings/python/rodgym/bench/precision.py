@@ -27,6 +27,8 @@ ENVS = 256
 OURS = (
     ("rodgym Verlet", "verlet", (1e-4, 2e-4, 5e-4)),
     ("rodgym implicit", "implicit", (5e-4, 1e-3, 2e-3, 5e-3)),
+    ("rodgym TR-BDF2", "tr_bdf2", (1e-3, 2e-3, 5e-3)),
+    ("rodgym ESDIRK3", "esdirk3", (1e-3, 2e-3, 5e-3, 1e-2)),
     ("rodgym backward Euler", "backward_euler", (1e-4, 5e-4, 2e-3)),
 )
 #: MuJoCo: family, model, integrator, physics steps [s].

@@ -37,7 +37,7 @@ def overview() -> str:
     from rodgym._registration import REMOTE
     from rodgym.evaluation import controller_names
 
-    rows = [("id", "observation", "action", "steps", "step [s]", "physics step [s]")]
+    rows = [("id", "observation", "action", "steps", "step [s]", "physics", "error")]
     for name in ENVIRONMENTS:
         spec = native_spec(name)
         rows.append(
@@ -47,7 +47,8 @@ def overview() -> str:
                 str(len(spec["action"]["low"])),
                 str(spec["default_max_episode_steps"]),
                 f"{spec['control_dt']:g}",
-                f"{spec['physics_dt']:g}",
+                physics(spec),
+                "-" if spec["error"] is None else f"{spec['error']:.0e}",
             )
         )
     names = ", ".join(controller_names())
@@ -56,6 +57,11 @@ def overview() -> str:
         f"environments\n{table(rows)}\n\nany of them on a server\n  {remote}\n\n"
         f"controllers\n  {names}"
     )
+
+
+def physics(spec: dict[str, Any]) -> str:
+    """Scheme and step."""
+    return f"{spec['config']['stepper']} {1e3 * spec['physics_dt']:g} ms"
 
 
 def describe(name: str) -> str:
@@ -82,7 +88,8 @@ def describe(name: str) -> str:
     ]
     return "\n\n".join(
         [
-            f"{name}: {spec['default_max_episode_steps']} steps of {spec['control_dt']:g} s",
+            f"{name}: {spec['default_max_episode_steps']} steps of {spec['control_dt']:g} s, "
+            f"physics by {physics(spec)}",
             "observation\n" + table([("from", "to", "what"), *seen]),
             f"action\n  {', '.join(spec['action']['names'])}",
             f"reward, the sum of\n  {', '.join(spec['reward_terms'])}",

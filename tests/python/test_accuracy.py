@@ -1,0 +1,59 @@
+"""Promise: default steps are exact, what is not promised is told, what is asked for is kept."""
+
+from __future__ import annotations
+
+import warnings
+
+import gymnasium as gym
+import pytest
+from rodgym.cli.commands.list import describe, overview
+from rodgym.errors import AccuracyWarning, ParameterError
+from rodgym.sb3 import make_vec_env
+
+SWING_UP = "rodgym/PendulumSwingUp-v0"
+#: No step follows such an undamped whip for a second.
+WHIP = {"youngs_modulus": 1e5, "width": 0.002, "length": 1.0, "bending_damping": 0.0}
+
+
+def spec(**kwargs):
+    return gym.make(SWING_UP, **kwargs).unwrapped.core_spec
+
+
+def test_defaults_are_chosen_by_the_rod_and_say_their_error():
+    default, steel, many = spec(), spec(youngs_modulus=2e11), spec(nodes=101)
+    assert (default["config"]["stepper"], default["physics_dt"]) == ("verlet", 5e-4)
+    assert steel["config"]["stepper"] == many["config"]["stepper"] == "esdirk3"
+    for shown in (default, steel, many):
+        assert 0 < shown["error"] <= 1e-4 and shown["warning"] is None
+    assert "verlet 0.5 ms" in overview() and "verlet 0.5 ms" in describe(SWING_UP)
+
+
+def test_what_is_asked_for_is_kept():
+    kept = spec(stepper="implicit")
+    assert (kept["config"]["stepper"], kept["physics_dt"], kept["error"]) == (
+        "implicit",
+        1e-3,
+        None,
+    )
+    kept = spec(stepper="esdirk3", physics_dt=0.01, youngs_modulus=2e11)
+    assert kept["physics_dt"] == 0.01 and kept["error"] > 1e-4 and kept["warning"] is None
+    assert spec(physics_dt=1e-3)["config"]["stepper"] == "implicit"
+    with pytest.raises(ParameterError, match="stepper"):
+        gym.make(SWING_UP, stepper="verlet", youngs_modulus=1e9)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: gym.make(SWING_UP, **WHIP),
+        lambda: gym.make_vec(SWING_UP, num_envs=2, **WHIP),
+        lambda: make_vec_env(SWING_UP, 2, env_kwargs=WHIP),
+    ],
+)
+def test_what_cannot_be_promised_is_told_once(make):
+    with pytest.warns(AccuracyWarning, match="after 1 s of free swing") as told:
+        make()
+    assert len([w for w in told if w.category is AccuracyWarning]) == 1
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", AccuracyWarning)
+        make()
