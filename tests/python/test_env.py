@@ -74,7 +74,7 @@ def test_reward_is_the_sum_of_its_terms(env_id, rng):
     for action in actions_for(rng, 50, 1)[:, 0]:
         _, reward, _, _, info = env.step(action)
         assert reward == pytest.approx(sum(info["reward_terms"].values()), abs=1e-12)
-        assert "parameters" not in info
+        assert info["parameters"] == env.unwrapped.parameters
 
 
 def test_no_time_limit_inside_and_stepping_goes_on(rng):
@@ -82,7 +82,7 @@ def test_no_time_limit_inside_and_stepping_goes_on(rng):
     env.reset(seed=0)
     for action in actions_for(rng, 600, 1)[:, 0]:
         *_, truncated, info = env.step(action)
-        assert not truncated and "solver_failure" not in info
+        assert not truncated and not info["solver_failure"]
     env = gym.make(BALANCE).unwrapped
     env.reset(seed=0)
     terminated = [env.step([1.0])[2] for _ in range(300)]
@@ -176,3 +176,53 @@ def test_the_environment_shows_its_machine():
     scene = env.scene()
     assert scene["machine"] == "pendulum" and len(scene["nodes"]) == 13
     assert np.array_equal(scene["nodes"], env.positions)
+
+
+def keys_of(info):
+    """Keys at every level."""
+    return {key: keys_of(value) if isinstance(value, dict) else None for key, value in info.items()}
+
+
+@pytest.mark.parametrize("env_id", IDS)
+def test_an_info_has_the_same_keys_at_reset_and_step(env_id):
+    """Recorders (Minari, TorchRL) take the first info for the form of all."""
+    env = gym.make(env_id)
+    _, first = env.reset(seed=0)
+    *_, info = env.step(env.action_space.sample())
+    assert keys_of(info) == keys_of(first)
+    about = env.unwrapped.core_spec
+    assert {*about["metrics"], "parameters", "reward_terms", "solver_failure"} == first.keys()
+    # Before any step nothing was earned, and nothing measured.
+    assert set(first["reward_terms"].values()) == {0.0}
+    assert all(np.isnan(first[name]) for name in about["metrics"])
+    assert first["solver_failure"] is info["solver_failure"] is False
+    assert info["parameters"] == first["parameters"] == env.unwrapped.parameters
+    # It is the caller's own.
+    info["parameters"].clear()
+    assert env.step(env.action_space.sample())[4]["parameters"] == first["parameters"]
+    for mode in ("NextStep", "SameStep", "Disabled"):
+        batch = gym.make_vec(env_id, num_envs=2, autoreset_mode=mode, max_episode_steps=2)
+        _, first = batch.reset(seed=0)
+        for _ in range(3 if mode != "Disabled" else 2):
+            *_, infos = batch.step(batch.action_space.sample())
+            ended = {"final_obs", "_final_obs", "final_info", "_final_info"}
+            assert keys_of({k: v for k, v in infos.items() if k not in ended}) == keys_of(first)
+
+
+def test_the_parameters_of_an_info_follow_a_state_that_is_set():
+    kwargs = {"randomize": {"width": (0.006, 0.009)}}
+    env, batch = gym.make(SWING_UP, **kwargs), gym.make_vec(SWING_UP, num_envs=2, **kwargs)
+    _, first = env.reset(seed=1)
+    state = env.unwrapped.get_state()
+    env.reset(seed=2)
+    env.unwrapped.set_state(state)
+    assert env.step([0.0])[4]["parameters"] == first["parameters"]
+    for put in (
+        lambda: batch.unwrapped.set_state([state], [1]),
+        lambda: batch.unwrapped.members[1].set_state(state),
+    ):
+        batch.reset(seed=5)
+        before = batch.unwrapped.members[0].parameters["width"]
+        put()
+        *_, infos = batch.step(np.zeros((2, 1)))
+        assert infos["parameters"]["width"].tolist() == [before, first["parameters"]["width"]]

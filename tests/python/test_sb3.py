@@ -212,3 +212,17 @@ def test_pictures():
     assert [image.shape for image in images] == [(48, 64, 3)] * 3
     assert env.render().shape == (96, 128, 3)
     assert make_vec_env(SWING_UP, 2, monitor=False).get_images() == [None, None]
+
+
+def test_the_parameters_of_an_info_follow_a_state_that_is_set():
+    kwargs = {"randomize": {"width": (0.006, 0.009)}}
+    env, other = (RodVecEnv(SWING_UP, 2, **kwargs) for _ in range(2))
+    env.seed(1), env.reset(), other.seed(7), other.reset()
+    (state,) = other.env_method("get_state", indices=1)
+    env.env_method("set_state", state, indices=1)
+    infos = env.step(np.zeros((2, 1), np.float32))[3]
+    widths = [info["parameters"]["width"] for info in infos]
+    assert widths == [
+        env.reset_infos[0]["parameters"]["width"],
+        other.members[1].parameters["width"],
+    ]

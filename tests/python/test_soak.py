@@ -37,7 +37,7 @@ def test_a_million_random_steps(env_id, mode, rng):
         observation, reward, *_, infos = env.step(action)
         assert np.isfinite(reward).all()
         assert ((observation >= space.low) & (observation <= space.high)).all()
-        assert "solver_failure" not in infos
+        assert not infos["solver_failure"].any()
     gc.collect()
     assert resident() - before < 8e6
 

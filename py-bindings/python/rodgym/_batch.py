@@ -67,8 +67,17 @@ class SeededBatch:
         self.about = self.native.spec
         self.num_envs = self.native.num_envs
         size = picture_size(render_size)
+        #: Environments that were given a state: so may their parameters be. Its members tell it.
+        self._changed: set[int] = set()
         #: One light object an environment: its plant, snapshots and picture.
-        self.members = [Member(self.native, i, render_mode, size) for i in range(self.num_envs)]
+        self.members = [
+            Member(self.native, i, render_mode, size, self._changed) for i in range(self.num_envs)
+        ]
+        #: (n, p) parameters in force, and those before the last call; never changed in place.
+        self.parameters = np.zeros((self.num_envs, len(self.about["parameters"])))
+        self.before = self.parameters
+        #: Environments whose parameters another state had changed before the last call.
+        self.refreshed: list[int] = []
         self._unseeded = np.ones(self.num_envs, dtype=np.bool_)
 
     @property
@@ -97,13 +106,34 @@ class SeededBatch:
             fresh = generator.integers(2**63, size=self.num_envs).tolist()
             given = [None] * self.num_envs if seed is None else seed
             seed = [fresh[i] if own is None and needy[i] else own for i, own in enumerate(given)]
+        self._refresh()
         result = Result._make(self.native.reset(seed, mask, options, out))
         self._unseeded &= ~result.began
+        self._begun(result)
         return result
 
     def step(self, actions: Any, out: Observations | None = None) -> Result:
         """One control step of every environment."""
-        return Result._make(self.native.step(actions, out))
+        self._refresh()
+        result = Result._make(self.native.step(actions, out))
+        self._begun(result)
+        return result
+
+    def _refresh(self) -> None:
+        """Reads the parameters of environments that were given a state."""
+        self.refreshed = sorted(self._changed)
+        if self.refreshed:
+            self.parameters = self.parameters.copy()
+            for i in self.refreshed:
+                self.parameters[i] = list(self.native.parameters(i).values())
+
+    def _begun(self, result: Result) -> None:
+        """Keeps the parameters of episodes that began; a call that was refused changes nothing."""
+        self._changed.difference_update(self.refreshed)
+        self.before = self.parameters
+        if np.count_nonzero(result.began):
+            rows = result.began[:, np.newaxis]
+            self.parameters = np.where(rows, result.parameters, self.parameters)
 
     def get_state(self, indices: Any = None) -> list[bytes]:
         """Snapshots of all environments, or of those in `indices`."""
@@ -128,6 +158,7 @@ class SeededBatch:
             for i, own in reversed(before):
                 self.native.set_state(i, own)
             raise
+        self._changed.update(chosen)
         self._unseeded[chosen] = False
         return np.stack([self.native.observe(i) for i in range(self.num_envs)])
 

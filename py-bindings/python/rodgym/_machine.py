@@ -178,11 +178,20 @@ class Member(Machine):
         index: int,
         render_mode: str | None = None,
         render_size: tuple[int, int] | None = None,
+        changed: set[int] | None = None,
     ) -> None:
         self._batch = batch
         self._index = index
+        self._changed = changed
         self._render_size = render_size
         self.render_mode = render_mode
+
+    def set_state(self, state: bytes) -> npt.NDArray[np.float32]:
+        """See `Machine.set_state`; the batch is told."""
+        observation = super().set_state(state)
+        if self._changed is not None:
+            self._changed.add(self._index)
+        return observation
 
     @property
     def unwrapped(self) -> Member:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import copy
 import inspect
+import math
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -100,6 +101,8 @@ class RodVecEnv(VecEnv):
     `infos[i]["terminal_observation"]`, and `infos[i]["TimeLimit.truncated"]` says whether time was
     up.
 
+    An episode's `infos[i]["parameters"]` is one dictionary, the same at each of its steps.
+
     Arguments:
         env_id: id such as `"rodgym/PendulumSwingUp-v0"`.
         n_envs: number of environments.
@@ -141,6 +144,7 @@ class RodVecEnv(VecEnv):
         self._metrics: list[str] = about["metrics"]
         self._parameters: list[str] = [parameter["name"] for parameter in about["parameters"]]
         self._actions: npt.NDArray[Any] | None = None
+        self._named: list[dict[str, float]] = [{} for _ in range(self._batch.num_envs)]
         #: That of Stable-Baselines3: an ending step returns the reset observation.
         self.autoreset_mode = AutoresetMode.SAME_STEP
         #: How `gym.make` would make one of the environments; keywords in types that JSON knows.
@@ -216,14 +220,29 @@ class RodVecEnv(VecEnv):
     def _step_infos(self, result: Result) -> list[dict[str, Any]]:
         limit = result.truncated & ~result.terminated
         infos = _native.info_list(self._terms, self._metrics, result.terms, limit)
-        for i in np.flatnonzero(result.solver_failure):
-            infos[i]["solver_failure"] = True
+        for i in self._batch.refreshed:
+            self._name_parameters(i, self._batch.before[i])
+        # An episode's parameters are one dictionary: a thousand copies a step would cost too much.
+        for info, parameters in zip(infos, self._named, strict=True):
+            info["parameters"] = parameters
+            info["solver_failure"] = False
+        for failed in np.flatnonzero(result.solver_failure):
+            infos[failed]["solver_failure"] = True
         return infos
 
+    def _name_parameters(self, index: int, row: npt.NDArray[np.float64]) -> None:
+        """Parameters of an environment by name."""
+        self._named[index] = dict(zip(self._parameters, row.tolist(), strict=True))
+
     def _note_parameters(self, result: Result) -> None:
-        for i in np.flatnonzero(result.began):
-            values = result.parameters[i].tolist()
-            self.reset_infos[i] = {"parameters": dict(zip(self._parameters, values, strict=True))}
+        for i in np.flatnonzero(result.began).tolist():
+            self._name_parameters(i, result.parameters[i])
+            self.reset_infos[i] = {
+                "parameters": self._named[i].copy(),
+                "reward_terms": dict.fromkeys(self._terms, 0.0),
+                **dict.fromkeys(self._metrics, math.nan),
+                "solver_failure": False,
+            }
 
     def _option_groups(self) -> list[tuple[npt.NDArray[np.bool_] | None, dict[str, Any] | None]]:
         """Environments that are reset with the same options, together."""

@@ -185,7 +185,11 @@ class RodVectorEnv(VectorEnv[Observations, Any, Any]):
             ResetNeededError: mode Disabled, and an environment's episode has ended.
         """
         result = self._batch.step(actions, self._out)
-        infos = self._infos.same_step(result) if self._same_step else self._infos.step(result)
+        own = self._batch
+        if self._same_step:
+            infos = self._infos.same_step(result, own.parameters, own.before)
+        else:
+            infos = self._infos.step(result, own.parameters)
         return result.observation, result.reward, result.terminated, result.truncated, infos
 
     def get_state(self, indices: Any = None) -> list[bytes]:

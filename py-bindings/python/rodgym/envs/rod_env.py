@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any, SupportsFloat
 
 import gymnasium as gym
@@ -51,8 +52,11 @@ class RodEnv(Machine, gym.Env[Vector, Vector]):
         self._render_size = picture_size(render_size)
         self._window: Any = None
         self._seeded = False
+        #: Parameters of the episode: each info has them.
+        self._parameters: dict[str, float] = {}
         about = self._batch.spec
         self.metadata = {**self.metadata, "render_fps": round(1.0 / about["control_dt"])}
+        self._names: tuple[list[str], list[str]] = about["reward_terms"], about["metrics"]
         self.render_mode = render_mode
         self.observation_space = box(about["observation"])
         self.action_space = box(about["action"])
@@ -82,7 +86,8 @@ class RodEnv(Machine, gym.Env[Vector, Vector]):
                 of the environment. They hold for this episode only.
 
         Returns:
-            The observation, and `info` with the episode's `parameters`.
+            The observation, and `info` with the episode's `parameters` and the other keys that it
+            has at a step: `reward_terms` are 0, and metrics NaN, since no step was taken.
         """
         native_seed = seed = checks.seed(seed)
         if seed is None and not self._seeded:
@@ -90,6 +95,10 @@ class RodEnv(Machine, gym.Env[Vector, Vector]):
         observation, info = self._batch.reset_single(native_seed, options)
         super().reset(seed=seed)
         self._seeded = True
+        self._parameters = info["parameters"].copy()
+        terms, metrics = self._names
+        info["reward_terms"] = dict.fromkeys(terms, 0.0)
+        info.update(dict.fromkeys(metrics, math.nan), solver_failure=False)
         if self.render_mode == "human":
             self.render()
         return observation, info
@@ -99,13 +108,18 @@ class RodEnv(Machine, gym.Env[Vector, Vector]):
 
         Returns:
             Observation, reward, terminated, truncated (by a solver failure only; the time limit is
-            `gym.make`'s), and `info` with `reward_terms`, which add up to the reward.
+            `gym.make`'s), and `info` with `reward_terms`, which add up to the reward, metrics,
+            `solver_failure` and the episode's `parameters`.
 
         Raises:
             ActionError: the action is not finite; nothing changes then.
             ShapeError: the action has another shape than the action space.
         """
         result = self._batch.step_single(action)
+        info = result[4]
+        info["parameters"] = self._parameters.copy()
+        if "solver_failure" not in info:
+            info["solver_failure"] = False
         if self.render_mode == "human":
             self.render()
         return result
@@ -114,6 +128,7 @@ class RodEnv(Machine, gym.Env[Vector, Vector]):
         """See `Machine.set_state`; the random stream of the state counts as seeded."""
         observation = super().set_state(state)
         self._seeded = True
+        self._parameters = self._batch.parameters(0)
         return observation
 
     def render(self) -> Frame | None:  # type: ignore[override]
