@@ -212,9 +212,7 @@ impl Batch {
         let info = table(py, self.spec.metrics.iter().copied(), metrics)?;
         let terms = table(py, self.spec.reward_terms.iter().copied(), terms)?;
         info.set_item(intern!(py, "reward_terms"), terms)?;
-        if buffer.solver_failure[0] {
-            info.set_item(intern!(py, "solver_failure"), true)?;
-        }
+        info.set_item(intern!(py, "solver_failure"), buffer.solver_failure[0])?;
         let observation = PyArray1::from_slice(py, &buffer.observation);
         Ok((observation, buffer.reward[0], buffer.terminated[0], buffer.truncated[0], info))
     }

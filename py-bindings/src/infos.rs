@@ -9,21 +9,26 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(info_list, module)?)
 }
 
-/// One dictionary an environment: `reward_terms` and metrics from the rows of `terms` (n, k), and
-/// `TimeLimit.truncated` from `limit` (n).
+/// One dictionary an environment: `reward_terms` and metrics from the rows of `terms` (n, k), the given `parameters`
+/// (not copied), and `TimeLimit.truncated` and `solver_failure` from `limit` and `failed` (n).
 #[pyfunction]
 fn info_list<'py>(
     py: Python<'py>,
     reward_terms: Vec<Bound<'py, PyString>>,
     metrics: Vec<Bound<'py, PyString>>,
     terms: PyReadonlyArray2<'py, f64>,
+    parameters: Vec<Bound<'py, PyAny>>,
     limit: PyReadonlyArray1<'py, bool>,
+    failed: PyReadonlyArray1<'py, bool>,
 ) -> PyResult<Bound<'py, PyList>> {
-    let (terms, limit) = (terms.as_array(), limit.as_array());
+    let (terms, limit, failed) = (terms.as_array(), limit.as_array(), failed.as_array());
     let terms_key = PyString::intern(py, "reward_terms");
+    let parameters_key = PyString::intern(py, "parameters");
     let limit_key = PyString::intern(py, "TimeLimit.truncated");
+    let failed_key = PyString::intern(py, "solver_failure");
     let list = PyList::empty(py);
-    for (row, late) in terms.rows().into_iter().zip(limit) {
+    let flags = limit.iter().zip(failed);
+    for ((row, own), (late, failed)) in terms.rows().into_iter().zip(parameters).zip(flags) {
         let mut values = row.iter();
         let inner = PyDict::new(py);
         for (name, value) in reward_terms.iter().zip(&mut values) {
@@ -34,7 +39,9 @@ fn info_list<'py>(
         for (name, value) in metrics.iter().zip(values) {
             info.set_item(name, value)?;
         }
+        info.set_item(&parameters_key, own)?;
         info.set_item(&limit_key, *late)?;
+        info.set_item(&failed_key, *failed)?;
         list.append(info)?;
     }
     Ok(list)

@@ -123,7 +123,12 @@ def thesis_run(
     latches: bool = False,
 ) -> dict[str, Any]: ...
 def info_list(
-    reward_terms: list[str], metrics: list[str], terms: _Float, limit: _Flag
+    reward_terms: list[str],
+    metrics: list[str],
+    terms: _Float,
+    parameters: list[dict[str, float]],
+    limit: _Flag,
+    failed: _Flag,
 ) -> list[dict[str, Any]]: ...
 
 @final

@@ -219,16 +219,12 @@ class RodVecEnv(VecEnv):
 
     def _step_infos(self, result: Result) -> list[dict[str, Any]]:
         limit = result.truncated & ~result.terminated
-        infos = _native.info_list(self._terms, self._metrics, result.terms, limit)
         for i in self._batch.refreshed:
             self._name_parameters(i, self._batch.before[i])
         # An episode's parameters are one dictionary: a thousand copies a step would cost too much.
-        for info, parameters in zip(infos, self._named, strict=True):
-            info["parameters"] = parameters
-            info["solver_failure"] = False
-        for failed in np.flatnonzero(result.solver_failure):
-            infos[failed]["solver_failure"] = True
-        return infos
+        return _native.info_list(
+            self._terms, self._metrics, result.terms, self._named, limit, result.solver_failure
+        )
 
     def _name_parameters(self, index: int, row: npt.NDArray[np.float64]) -> None:
         """Parameters of an environment by name."""

@@ -116,10 +116,7 @@ class RodEnv(Machine, gym.Env[Vector, Vector]):
             ShapeError: the action has another shape than the action space.
         """
         result = self._batch.step_single(action)
-        info = result[4]
-        info["parameters"] = self._parameters.copy()
-        if "solver_failure" not in info:
-            info["solver_failure"] = False
+        result[4]["parameters"] = self._parameters.copy()
         if self.render_mode == "human":
             self.render()
         return result

@@ -132,8 +132,7 @@ class RemoteBatch(Session):
         terms, count = result[5][0].tolist(), len(self.spec["reward_terms"])
         info: dict[str, Any] = dict(zip(self.spec["metrics"], terms[count:], strict=True))
         info["reward_terms"] = dict(zip(self.spec["reward_terms"], terms, strict=False))
-        if result[9][0]:
-            info["solver_failure"] = True
+        info["solver_failure"] = bool(result[9][0])
         return result[0][0], float(result[1][0]), bool(result[2][0]), bool(result[3][0]), info
 
     def get_state(self, index: int) -> bytes:
