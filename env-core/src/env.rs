@@ -9,6 +9,8 @@ use crate::error::Result;
 use crate::simulation::Simulation;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
+use std::any::Any;
+use std::sync::atomic::AtomicBool;
 
 /// When an environment of a batch starts its next episode (Gymnasium's `AutoresetMode`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -49,6 +51,23 @@ pub enum Seeds {
     Each(Vec<Option<u64>>),
 }
 
+/// What `LongStep::save` gives.
+pub type Saved = Box<dyn Any + Send>;
+
+/// A batch whose step can be stopped, and is then as if it had never been made.
+pub trait LongStep: Send {
+    /// All that a step changes.
+    fn save(&self) -> Saved;
+    /// Puts back what `save` gave.
+    fn restore(&mut self, saved: Saved);
+    /// The same as `VectorEnv::step`. Once `stop` is set it ends soon, and what it has done means nothing: `restore`
+    /// what was saved before.
+    ///
+    /// # Errors
+    /// Those of `VectorEnv::step`.
+    fn step_unless(&mut self, actions: &[f32], out: StepData<'_>, stop: &AtomicBool) -> Result<()>;
+}
+
 /// Many environments stepped together. Object safe: made by `catalog::make`.
 pub trait VectorEnv: Send {
     /// What kind of environment this is.
@@ -82,6 +101,11 @@ pub trait VectorEnv: Send {
     /// # Errors
     /// Wrong length, an action that is not finite, a needed reset; nothing changes then.
     fn step(&mut self, actions: &[f32], out: StepData<'_>) -> Result<()>;
+
+    /// How to take the next step where it may take so long that somebody could want to stop it; `None`: by `step`.
+    fn long_step(&mut self) -> Option<&mut dyn LongStep> {
+        None
+    }
 
     /// Everything about environment `index`: physics, random stream, clock, as versioned bytes.
     fn get_state(&self, index: usize) -> Result<Vec<u8>>;

@@ -9,6 +9,7 @@ pub mod catalog;
 pub mod draw;
 pub mod env;
 pub mod error;
+pub mod fault;
 pub mod fin;
 pub mod fluid;
 pub mod isa;
@@ -25,5 +26,6 @@ pub mod snapshot;
 pub mod solver;
 mod spec;
 pub mod vec2;
+pub mod watch;
 
 pub use error::{Error, Result};

@@ -50,11 +50,14 @@ pub trait Numbers: Clone {
     /// Puts numbers in place that a machine of the same keywords had.
     ///
     /// # Errors
-    /// Not as many as this machine has; nothing changes then.
+    /// Not as many as this machine has, or one that is not finite; nothing changes then.
     fn set_numbers(&mut self, numbers: &[f64]) -> Result<()> {
         let (got, wanted) = (numbers.len(), self.numbers().len());
         if got != wanted {
             return Err(Error::snapshot(format!("{got} numbers, but {wanted} are needed")));
+        }
+        if let Some(odd) = numbers.iter().find(|number| !number.is_finite()) {
+            return Err(Error::snapshot(format!("it holds {odd}, which is not finite")));
         }
         let mut next = numbers.iter();
         self.visit(&mut |x| *x = *next.next().expect("counted above"));

@@ -1,8 +1,11 @@
 //! Infos of a batch as one dictionary an environment, as Stable-Baselines3 wants them.
 
-use numpy::{PyReadonlyArray1, PyReadonlyArray2};
+use crate::arrays;
+use crate::errors::raise;
+use numpy::{Ix1, Ix2};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyString};
+use rodgym_caught::caught;
 
 /// Adds this file's functions to the module.
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
@@ -11,15 +14,24 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 
 /// One dictionary an environment: `reward_terms` and metrics from the rows of `terms` (n, k), and
 /// `TimeLimit.truncated` from `limit` (n).
+#[caught]
 #[pyfunction]
 fn info_list<'py>(
     py: Python<'py>,
     reward_terms: Vec<Bound<'py, PyString>>,
     metrics: Vec<Bound<'py, PyString>>,
-    terms: PyReadonlyArray2<'py, f64>,
-    limit: PyReadonlyArray1<'py, bool>,
+    terms: &Bound<'py, PyAny>,
+    limit: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyList>> {
+    let terms = arrays::read::<f64, Ix2>("terms", terms)?;
+    let limit = arrays::read::<bool, Ix1>("limit", limit)?;
     let (terms, limit) = (terms.as_array(), limit.as_array());
+    let expected = [limit.len(), reward_terms.len() + metrics.len()];
+    if terms.shape() != expected {
+        let got = terms.shape();
+        let text = format!("terms has shape {got:?}, but {expected:?} is needed");
+        return Err(raise("ShapeError", text));
+    }
     let terms_key = PyString::intern(py, "reward_terms");
     let limit_key = PyString::intern(py, "TimeLimit.truncated");
     let list = PyList::empty(py);

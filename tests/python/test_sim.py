@@ -119,7 +119,7 @@ def test_a_fin_pickled_in_mid_stroke_keeps_servo_and_low_pass():
 def test_a_damaged_pickle_is_refused():
     rod = Pendulum()
     before = rod.positions
-    with pytest.raises(errors.SnapshotError, match="3 numbers, but 56 are needed"):
+    with pytest.raises(errors.SnapshotError, match="3 numbers, but 57 are needed"):
         rod._native.__setstate__(([0.0] * 3, 1))
     assert np.array_equal(rod.positions, before) and rod.time == 0
 

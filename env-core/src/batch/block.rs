@@ -8,6 +8,7 @@ use crate::isa::{Isa, Kernel, dispatch};
 use crate::lane::{Lanewise, Mask, Real};
 use crate::seed::Stream;
 use crate::snapshot::Snapshot;
+use crate::watch::Watch;
 
 /// What the batch keeps of each environment beside its plant.
 #[derive(Clone, Debug, Default)]
@@ -20,6 +21,7 @@ struct Clock {
 }
 
 /// `R::LANES` environments; the last block of a batch may use fewer.
+#[derive(Clone)]
 pub struct Block<M: Machine, R: Real> {
     plant: M::Plant<R>,
     streams: Vec<Stream>,
@@ -70,6 +72,13 @@ impl<M: Machine, R: Real> Block<M, R> {
         }
     }
 
+    /// Numbers of one environment's plant.
+    pub fn numbers(&self) -> usize {
+        let mut count = 0;
+        self.plant.visit(&mut |_| count += 1);
+        count
+    }
+
     /// Number of environments in use.
     pub fn used(&self) -> usize {
         self.used
@@ -89,12 +98,26 @@ impl<M: Machine, R: Real> Block<M, R> {
     }
 
     /// One control step of the block; `actions` and `out` are its own rows.
-    pub fn step(&mut self, env: &Environment<M, R>, actions: &[f32], out: &mut StepData<'_>) {
-        dispatch(env.rules.isa, Step { block: self, env, actions, out });
+    pub fn step(
+        &mut self,
+        env: &Environment<M, R>,
+        actions: &[f32],
+        out: &mut StepData<'_>,
+        watch: Watch<'_>,
+    ) {
+        if !watch.stops() {
+            dispatch(env.rules.isa, Step { block: self, env, actions, out, watch });
+        }
     }
 
     #[inline(always)]
-    fn step_here(&mut self, env: &Environment<M, R>, actions: &[f32], out: &mut StepData<'_>) {
+    fn step_here(
+        &mut self,
+        env: &Environment<M, R>,
+        actions: &[f32],
+        out: &mut StepData<'_>,
+        watch: Watch<'_>,
+    ) {
         let Environment { machine, task, spec, rules } = env;
         let mut active = R::Mask::splat(false);
         for lane in 0..self.used {
@@ -112,7 +135,10 @@ impl<M: Machine, R: Real> Block<M, R> {
         }
         if active.any() {
             let Block { plant, streams, actions, outcome, .. } = self;
-            outcome.failed = machine.step(plant, actions, active, streams).not();
+            outcome.failed = machine.step(plant, actions, active, streams, watch).not();
+            if watch.stops() {
+                return;
+            }
             task.score(rules.isa, machine, plant, outcome);
         }
         let mut starting = R::Mask::splat(false);
@@ -271,9 +297,7 @@ impl<M: Machine, R: Real> Block<M, R> {
 
     /// Puts a snapshot in place of one environment.
     pub fn restore(&mut self, lane: usize, saved: &Snapshot) -> Result<()> {
-        let mut count = 0;
-        self.plant.visit(&mut |_| count += 1);
-        let fits = saved.numbers.len() == count
+        let fits = saved.numbers.len() == self.numbers()
             && saved.action.len() == self.actions.len()
             && saved.observation.len() == self.observation.len();
         if !fits {
@@ -333,12 +357,13 @@ struct Step<'a, 'b, M: Machine, R: Real> {
     env: &'a Environment<M, R>,
     actions: &'a [f32],
     out: &'a mut StepData<'b>,
+    watch: Watch<'a>,
 }
 
 impl<M: Machine, R: Real> Kernel for Step<'_, '_, M, R> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
-        self.block.step_here(self.env, self.actions, self.out);
+        self.block.step_here(self.env, self.actions, self.out, self.watch);
     }
 }

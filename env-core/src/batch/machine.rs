@@ -6,6 +6,7 @@ use crate::keywords::Keyword;
 use crate::lane::{Lanewise, Real};
 use crate::seed::Stream;
 use crate::simulation::Simulation;
+use crate::watch::Watch;
 use serde_json::{Map, Value};
 
 /// A machine as its keywords have it: plant, sensors, start. One value of this type serves a whole batch;
@@ -59,13 +60,14 @@ pub trait Machine: Clone + Send + Sync + Sized + 'static {
     );
     /// *Hot.* One control step of all lanes; returns where the solver succeeded. `actions` are finite and
     /// clipped, one value a component. Streams advance only in `active` lanes; what happens to the others
-    /// does not matter.
+    /// does not matter. A long step ends soon once `watch` stops it, whatever comes of it then.
     fn step<R: Real>(
         &self,
         plant: &mut Self::Plant<R>,
         actions: &[R],
         active: R::Mask,
         streams: &mut [Stream],
+        watch: Watch<'_>,
     ) -> R::Mask;
     /// *Hot.* Writes the metrics after a step.
     fn metrics<R: Real>(&self, plant: &Self::Plant<R>, metrics: &mut [R]);

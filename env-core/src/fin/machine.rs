@@ -16,6 +16,7 @@ use crate::rod::curvature;
 use crate::seed::Stream;
 use crate::simulation::Simulation;
 use crate::vec2::Vec2;
+use crate::watch::Watch;
 use serde_json::{Map, Value, json};
 
 /// Work of the servo since the episode began below which no efficiency is told \[J\]: that of a fin which hardly
@@ -112,8 +113,9 @@ impl Machine for Fin {
         actions: &[R],
         _active: R::Mask,
         _streams: &mut [Stream],
+        watch: Watch<'_>,
     ) -> R::Mask {
-        rig.control_step(&self.config, actions[0])
+        rig.control_step(&self.config, actions[0], watch)
     }
 
     #[inline(always)]

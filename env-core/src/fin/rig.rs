@@ -8,6 +8,7 @@ use crate::lane::{Lanewise, Mask, Real};
 use crate::lanewise;
 use crate::seed::Stream;
 use crate::vec2::Vec2;
+use crate::watch::Watch;
 
 /// Positions and velocities of the nodes, and the pitch.
 type Motion = (Vec<Vec2<f64>>, Vec<Vec2<f64>>, f64);
@@ -124,7 +125,7 @@ impl<R: Real> Rig<R> {
 
     /// One control step under an action in [-1, 1]. Returns where the solver succeeded.
     #[inline(always)]
-    pub fn control_step(&mut self, config: &Config, action: R) -> R::Mask {
+    pub fn control_step(&mut self, config: &Config, action: R, watch: Watch<'_>) -> R::Mask {
         for i in (1..self.commands.len()).rev() {
             self.commands[i] = self.commands[i - 1];
         }
@@ -137,11 +138,14 @@ impl<R: Real> Rig<R> {
         let mut sound = R::Mask::splat(true);
         self.mean = Loads::default();
         for step in 0..config.substeps {
+            if watch.stops() {
+                break;
+            }
             // During the first part of the step the command before is still on its way.
             let command = self.commands[if step < part { old + 1 } else { old }];
             let pitch = self.servo.angle;
             self.servo.advance(command * scale, &config.ticks);
-            sound = sound.and(self.fin.step(self.servo.angle));
+            sound = sound.and(self.fin.step_unless(self.servo.angle, watch));
             let loads = self.fin.loads;
             self.mean.add(share, &loads);
             self.follow_stroke(pitch, dt);

@@ -23,6 +23,7 @@ use crate::rod::curvature;
 use crate::seed::Stream;
 use crate::simulation::Simulation;
 use crate::solver::Scheme;
+use crate::watch::Watch;
 use config::{at, verlet_limit};
 use serde_json::{Map, Value, json};
 
@@ -149,6 +150,7 @@ impl Machine for Pendulum {
         actions: &[R],
         active: R::Mask,
         streams: &mut [Stream],
+        watch: Watch<'_>,
     ) -> R::Mask {
         let mut disturbance = R::zero();
         if self.config.disturbance > 0.0 {
@@ -161,7 +163,7 @@ impl Machine for Pendulum {
             };
             disturbance = R::from_fn(draw);
         }
-        plant.control_step(&self.config, actions[0], disturbance)
+        plant.control_step(&self.config, actions[0], disturbance, watch)
     }
 
     #[inline(always)]

@@ -7,6 +7,7 @@ use crate::rod::{Motion, Rod};
 use crate::seed::Stream;
 use crate::solver::{Constant, Integrator};
 use crate::vec2::Vec2;
+use crate::watch::Watch;
 
 /// Pendulums side by side.
 #[derive(Clone, Debug)]
@@ -139,7 +140,13 @@ impl<R: Real> Plant<R> {
     /// One control step under an action in [-1, 1] and a disturbing torque \[N m\]. Returns where the solver
     /// succeeded.
     #[inline(always)]
-    pub fn control_step(&mut self, config: &Config, action: R, disturbance: R) -> R::Mask {
+    pub fn control_step(
+        &mut self,
+        config: &Config,
+        action: R,
+        disturbance: R,
+        watch: Watch<'_>,
+    ) -> R::Mask {
         self.action = action;
         let command = action * self.parameters[at::TORQUE_LIMIT];
         let (old, part) = (config.delay / config.substeps, config.delay % config.substeps);
@@ -156,7 +163,7 @@ impl<R: Real> Plant<R> {
             self.torque = command + disturbance;
             if steps > 0 {
                 let drive = Constant(self.torque);
-                sound = sound.and(integrator.advance(rod, motion, &drive, steps));
+                sound = sound.and(integrator.advance_unless(rod, motion, &drive, steps, watch));
             }
         }
         self.posture = self.take_posture();

@@ -95,8 +95,10 @@ def snapshot(name: str, value: Any) -> bytes:
 
 
 def numbers(name: str, values: npt.ArrayLike, dtype: Any = np.float64) -> npt.NDArray[Any]:
-    """An array of numbers."""
+    """An array of numbers; complex ones are none, instead of losing their imaginary part."""
     try:
+        if getattr(getattr(values, "dtype", None), "kind", "") == "c":
+            raise TypeError("complex")
         return np.asarray(values, dtype=dtype)
     except (TypeError, ValueError) as error:
         raise ShapeError(f"{name} must be an array of numbers, but is {values!r}") from error

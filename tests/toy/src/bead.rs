@@ -9,6 +9,7 @@ use rodgym_core::lane::{Mask, Real};
 use rodgym_core::lanewise;
 use rodgym_core::seed::Stream;
 use rodgym_core::simulation::Simulation;
+use rodgym_core::watch::Watch;
 use serde_json::{Map, Value};
 
 /// Physical parameters of an episode.
@@ -142,6 +143,7 @@ impl Machine for Bead {
         actions: &[R],
         _: R::Mask,
         _: &mut [Stream],
+        _: Watch<'_>,
     ) -> R::Mask {
         let force = actions[0] * R::splat(FORCE);
         for _ in 0..SUBSTEPS {
