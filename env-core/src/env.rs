@@ -3,6 +3,7 @@
 
 pub use crate::results::{StepBuffer, StepData};
 pub use crate::scene::{NodeState, Scene};
+pub use crate::settings::Settings;
 pub use crate::spec::{Parameter, Space, Spec};
 
 use crate::error::Result;
@@ -10,6 +11,7 @@ use crate::simulation::Simulation;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 use std::any::Any;
+use std::ops::Range;
 use std::sync::atomic::AtomicBool;
 
 /// When an environment of a batch starts its next episode (Gymnasium's `AutoresetMode`).
@@ -101,6 +103,13 @@ pub trait VectorEnv: Send {
     /// # Errors
     /// Wrong length, an action that is not finite, a needed reset; nothing changes then.
     fn step(&mut self, actions: &[f32], out: StepData<'_>) -> Result<()>;
+
+    /// Changes how the parameters of environments `range` are drawn, from the next episode of each; until then nothing
+    /// changes. Snapshots keep it.
+    ///
+    /// # Errors
+    /// Environments beyond the batch, names, values or ranges that are not allowed; nothing changes then.
+    fn configure(&mut self, range: Range<usize>, settings: &Settings) -> Result<()>;
 
     /// How to take the next step where it may take so long that somebody could want to stop it; `None`: by `step`.
     fn long_step(&mut self) -> Option<&mut dyn LongStep> {

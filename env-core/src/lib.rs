@@ -21,6 +21,7 @@ pub mod results;
 pub mod rod;
 mod scene;
 pub mod seed;
+mod settings;
 pub mod simulation;
 pub mod snapshot;
 pub mod solver;

@@ -17,7 +17,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList, PyTuple};
 use rodgym_caught::caught;
 use rodgym_core::catalog::{self, MakeOptions};
-use rodgym_core::env::{AutoresetMode, Scene, Spec, StepBuffer, StepData, VectorEnv};
+use rodgym_core::env::{AutoresetMode, Scene, Settings, Spec, StepBuffer, StepData, VectorEnv};
 use rodgym_core::results::Widths;
 use rodgym_core::{Error, step_fields};
 use serde_json::Value;
@@ -251,6 +251,21 @@ impl Batch {
     /// Puts a snapshot in place of environment `index`.
     fn set_state(&self, py: Python<'_>, index: usize, state: &Bound<'_, PyAny>) -> PyResult<()> {
         self.lock(py)?.env.set_state(index, bytes(state)?).or_raise()
+    }
+
+    /// Changes how the parameters of environments `first` to `first + count` are drawn, from the next episode of
+    /// each. `parameters`: a number or a list with one each, by name; `randomize`: ranges by name.
+    fn configure(
+        &self,
+        py: Python<'_>,
+        first: usize,
+        count: usize,
+        parameters: &Bound<'_, PyDict>,
+        randomize: &Bound<'_, PyDict>,
+    ) -> PyResult<()> {
+        let settings = Settings { parameters: to_map(parameters)?, randomize: to_map(randomize)? };
+        let range = first..first.saturating_add(count);
+        self.lock(py)?.env.configure(range, &settings).or_raise()
     }
 
     /// The last observation of environment `index`: (d,) float32.

@@ -1,5 +1,5 @@
-"""Promise: Ctrl-C ends a long step soon, and that step was then never made: what comes next is to the
-bit what would have come without it, in every environment of a batch. Remote calls have
+"""Promise: Ctrl-C ends a long step soon, and that step was then never made: what comes next is to
+the bit what would have come without it, in every environment of a batch. Remote calls have
 `test_remote_interrupts.py`.
 """
 

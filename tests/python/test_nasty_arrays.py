@@ -6,6 +6,7 @@ module that Python can call catches panics.
 from __future__ import annotations
 
 import inspect
+import itertools
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -130,6 +131,8 @@ def fresh() -> dict[str, Callable[[Any], Any]]:
         "Batch.step_single action": single.step_single,
         "Batch.reset_single seed": single.reset_single,
         "Batch.reset_single options": lambda x: single.reset_single(0, x),
+        "Batch.configure parameters": lambda x: batch.configure(0, 2, {"width": x}, {}),
+        "Batch.configure randomize": lambda x: batch.configure(0, 2, {}, {"width": x}),
         "Batch.set_state state": lambda x: batch.set_state(0, x),
         "Batch.__setstate__ states": batch.__setstate__,
         "Batch.__setstate__ state": lambda x: batch.__setstate__([x]),
@@ -185,7 +188,7 @@ def test_nasty_arrays_work_or_are_refused_by_our_errors(call):
     for name, array in NASTY.items():
         try:
             CALLS[call](array)
-        except rodgym.RodgymError as error:
+        except rodgym.RodgymError as error:  # noqa: PERF203
             refused += 1
             assert "fault of rodgym" not in str(error), name
             assert len(str(error)) < 2000, name
@@ -282,11 +285,11 @@ def test_infos_have_a_name_for_every_number():
 
 
 def test_every_function_catches_panics():
-    """What catches them is tested beside it, in `py-bindings/caught` and `env-core/src/fault.rs`."""
+    """What catches them is tested in `py-bindings/caught` and `env-core/src/fault.rs`."""
     found = 0
     for source in sorted(SOURCES.glob("*.rs")):
         lines = source.read_text("utf-8").splitlines()
-        for before, line in zip(lines, lines[1:], strict=False):
+        for before, line in itertools.pairwise(lines):
             if re.match(r"#\[py(methods|function)", line):
                 found += 1
                 assert before == "#[caught]", f"{source.name}: {line}"

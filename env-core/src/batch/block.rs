@@ -2,6 +2,7 @@
 
 use super::machine::Machine;
 use super::task::{Outcome, Scorer};
+use crate::draw::Draw;
 use crate::env::{AutoresetMode, Scene, Spec, StepData};
 use crate::error::{Error, Result};
 use crate::isa::{Isa, Kernel, dispatch};
@@ -9,6 +10,7 @@ use crate::lane::{Lanewise, Mask, Real};
 use crate::seed::Stream;
 use crate::snapshot::Snapshot;
 use crate::watch::Watch;
+use std::sync::Arc;
 
 /// What the batch keeps of each environment beside its plant.
 #[derive(Clone, Debug, Default)]
@@ -25,6 +27,8 @@ struct Clock {
 pub struct Block<M: Machine, R: Real> {
     plant: M::Plant<R>,
     streams: Vec<Stream>,
+    /// How parameters are drawn where that is not the machine's way.
+    draws: Vec<Option<Arc<[Draw]>>>,
     clocks: Vec<Clock>,
     used: usize,
     actions: Vec<R>,
@@ -63,6 +67,7 @@ impl<M: Machine, R: Real> Block<M, R> {
         Block {
             plant: env.machine.new_plant(),
             streams: (0..R::LANES as u64).map(|i| Stream::new(first_seed + i)).collect(),
+            draws: vec![None; R::LANES],
             clocks: vec![Clock::default(); R::LANES],
             used,
             actions: vec![R::zero(); spec.action.size()],
@@ -212,7 +217,8 @@ impl<M: Machine, R: Real> Block<M, R> {
         start: &M::Start,
         out: &mut StepData<'_>,
     ) {
-        env.machine.begin(&mut self.plant, lane, &mut self.streams[lane], start);
+        let draws = self.draws[lane].as_deref().unwrap_or(env.machine.draws());
+        env.machine.begin(&mut self.plant, lane, draws, &mut self.streams[lane], start);
         self.clocks[lane] = Clock { begun: true, ..Clock::default() };
         for slot in &mut self.actions {
             slot.set(lane, 0.0);
@@ -271,6 +277,16 @@ impl<M: Machine, R: Real> Block<M, R> {
         }
     }
 
+    /// How the parameters of one environment are drawn, where that is not the machine's way.
+    pub fn draws(&self, lane: usize) -> Option<&Arc<[Draw]>> {
+        self.draws[lane].as_ref()
+    }
+
+    /// Changes how the parameters of one environment are drawn; they are taken as checked.
+    pub fn set_draws(&mut self, lane: usize, draws: Option<Arc<[Draw]>>) {
+        self.draws[lane] = draws;
+    }
+
     /// The observation that one environment returned last.
     pub fn returned(&self, lane: usize) -> &[f32] {
         let size = self.observation.len();
@@ -291,12 +307,18 @@ impl<M: Machine, R: Real> Block<M, R> {
             episode_return: clock.episode_return,
             reward: clock.reward,
             action: self.actions.iter().map(|a| a.get(lane)).collect(),
+            draws: self.draws[lane].as_ref().map(|draws| draws.to_vec()),
             observation: self.returned(lane).to_vec(),
         }
     }
 
     /// Puts a snapshot in place of one environment.
-    pub fn restore(&mut self, lane: usize, saved: &Snapshot) -> Result<()> {
+    pub fn restore(
+        &mut self,
+        env: &Environment<M, R>,
+        lane: usize,
+        saved: &Snapshot,
+    ) -> Result<()> {
         let fits = saved.numbers.len() == self.numbers()
             && saved.action.len() == self.actions.len()
             && saved.observation.len() == self.observation.len();
@@ -306,6 +328,11 @@ impl<M: Machine, R: Real> Block<M, R> {
         if !saved.numbers.iter().all(|x| x.is_finite()) {
             return Err(Error::snapshot("it holds a number that is not finite"));
         }
+        if let Some(draws) = &saved.draws {
+            Draw::check(draws, env.machine.parameter_table())?;
+            env.machine.check_draws(draws)?;
+        }
+        self.draws[lane] = saved.draws.as_deref().map(Arc::from);
         let mut next = saved.numbers.iter();
         self.plant.visit_mut(&mut |x| x.set(lane, *next.next().expect("counted above")));
         for (slot, action) in self.actions.iter_mut().zip(&saved.action) {

@@ -1,5 +1,6 @@
 //! What a machine must offer so that a batch can run it.
 
+use crate::draw::Draw;
 use crate::env::{NodeState, Parameter, ResetOptions, Scene, Space};
 use crate::error::Result;
 use crate::keywords::Keyword;
@@ -48,13 +49,23 @@ pub trait Machine: Clone + Send + Sync + Sized + 'static {
 
     /// A plant whose lanes all hold a valid state with default parameters.
     fn new_plant<R: Real>(&self) -> Self::Plant<R>;
-    /// Checks reset options before anything changes.
-    fn check(&self, options: &ResetOptions) -> Result<Self::Start>;
-    /// Starts an episode in one lane, drawing parameters and start state from its stream.
+    /// How each parameter is drawn for an episode, unless a user sets it otherwise between episodes.
+    fn draws(&self) -> &[Draw];
+    /// Refuses draws, each within its parameter's range, that do not go together.
+    ///
+    /// # Errors
+    /// Says what they would have to be.
+    fn check_draws(&self, _draws: &[Draw]) -> Result<()> {
+        Ok(())
+    }
+    /// Checks reset options before anything changes. `draws` are those of the environment.
+    fn check(&self, options: &ResetOptions, draws: &[Draw]) -> Result<Self::Start>;
+    /// Starts an episode in one lane, drawing parameters by `draws` and start state from its stream.
     fn begin<R: Real>(
         &self,
         plant: &mut Self::Plant<R>,
         lane: usize,
+        draws: &[Draw],
         stream: &mut Stream,
         start: &Self::Start,
     );

@@ -12,9 +12,10 @@ pub use machine::Machine;
 pub use task::{Outcome, Scorer, Task};
 
 use crate::catalog::Entry;
+use crate::draw::Draw;
 use crate::env::{
-    AutoresetMode, LongStep, NodeState, ResetOptions, Saved, Scene, Seeds, Spec, StepData,
-    VectorEnv,
+    AutoresetMode, LongStep, NodeState, ResetOptions, Saved, Scene, Seeds, Settings, Spec,
+    StepData, VectorEnv,
 };
 use crate::error::{Error, Result};
 use crate::isa::{ForLanes, Isa, with_lanes};
@@ -26,6 +27,8 @@ use crate::watch::Watch;
 use block::{Block, Environment, ResetRows, Rules};
 use pool::Pool;
 use serde_json::{Map, Value};
+use std::ops::Range;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
@@ -184,6 +187,28 @@ impl<M: Machine, R: Real> Batch<M, R> {
         Ok((index / R::LANES, index % R::LANES))
     }
 
+    /// How the parameters of an environment are drawn.
+    fn draws_of(&self, index: usize) -> &[Draw] {
+        let own = self.blocks[index / R::LANES].draws(index % R::LANES);
+        own.map_or(self.env.machine.draws(), |draws| draws)
+    }
+
+    /// Checks reset options for all environments that they concern.
+    fn check_options(&self, options: &ResetOptions, mask: Option<&[bool]>) -> Result<M::Start> {
+        let machine = &self.env.machine;
+        let mut checked: Option<(&[Draw], M::Start)> = None;
+        for index in (0..self.num_envs).filter(|&index| mask.is_none_or(|mask| mask[index])) {
+            let draws = self.draws_of(index);
+            if checked.as_ref().is_none_or(|(last, _)| !std::ptr::eq(*last, draws)) {
+                checked = Some((draws, machine.check(options, draws)?));
+            }
+        }
+        match checked {
+            Some((_, start)) => Ok(start),
+            None => machine.check(options, machine.draws()),
+        }
+    }
+
     fn step_watched(
         &mut self,
         actions: &[f32],
@@ -282,7 +307,7 @@ impl<M: Machine, R: Real> VectorEnv for Batch<M, R> {
         if let Seeds::Each(each) = seeds {
             check_length("seed", each.len(), self.num_envs)?;
         }
-        let start = self.env.machine.check(options)?;
+        let start = self.check_options(options, mask)?;
         let seed = |index: usize| match seeds {
             Seeds::Continue => None,
             Seeds::Base(base) => Some(base.wrapping_add(index as u64)),
@@ -303,6 +328,33 @@ impl<M: Machine, R: Real> VectorEnv for Batch<M, R> {
         self.step_watched(actions, out, Watch::nobody())
     }
 
+    fn configure(&mut self, range: Range<usize>, settings: &Settings) -> Result<()> {
+        if range.is_empty() || range.end > self.num_envs {
+            let index = range.end.saturating_sub(1).max(range.start);
+            return Err(Error::Index { index, num_envs: self.num_envs });
+        }
+        let machine = &self.env.machine;
+        let changes = settings.read(machine.parameter_table(), range.len())?;
+        let mut changed: Vec<Option<Arc<[Draw]>>> = Vec::with_capacity(range.len());
+        for (k, index) in range.clone().enumerate() {
+            let mut draws = self.draws_of(index).to_vec();
+            changes.make(k, &mut draws);
+            // Neighbours are often alike.
+            changed.push(match changed.last() {
+                Some(Some(last)) if **last == *draws => Some(last.clone()),
+                _ if draws == machine.draws() => None,
+                _ => {
+                    machine.check_draws(&draws)?;
+                    Some(draws.into())
+                }
+            });
+        }
+        for (index, draws) in range.zip(changed) {
+            self.blocks[index / R::LANES].set_draws(index % R::LANES, draws);
+        }
+        Ok(())
+    }
+
     fn long_step(&mut self) -> Option<&mut dyn LongStep> {
         let long = self.took.map_or(self.work > GUESSED, |took| took > LONG);
         if long { Some(self) } else { None }
@@ -316,7 +368,7 @@ impl<M: Machine, R: Real> VectorEnv for Batch<M, R> {
     fn set_state(&mut self, index: usize, bytes: &[u8]) -> Result<()> {
         let (block, lane) = self.place(index)?;
         let saved = Snapshot::decode(bytes, self.spec())?;
-        self.blocks[block].restore(lane, &saved)
+        self.blocks[block].restore(&self.env, lane, &saved)
     }
 
     fn observe(&self, index: usize, out: &mut [f32]) -> Result<()> {

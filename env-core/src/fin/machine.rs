@@ -6,7 +6,7 @@ use super::rig::{Rig, Start};
 use super::sensors;
 use super::sim::BareFin;
 use crate::batch::Machine;
-use crate::draw::exact_parameters;
+use crate::draw::{Draw, exact_parameters};
 use crate::env::{NodeState, Parameter, ResetOptions, Scene, Space};
 use crate::error::{Error, Result};
 use crate::fluid::terms::ByKind;
@@ -90,7 +90,11 @@ impl Machine for Fin {
         Rig::new(&self.config)
     }
 
-    fn check(&self, options: &ResetOptions) -> Result<Start> {
+    fn draws(&self) -> &[Draw] {
+        &self.config.draws
+    }
+
+    fn check(&self, options: &ResetOptions, _draws: &[Draw]) -> Result<Start> {
         let parameters = exact_parameters(&options.parameters, &self.table)?;
         let read = |value: &Value| {
             let allowed = "{'positions': (n, 2), 'velocities': (n, 2)}";
@@ -102,8 +106,15 @@ impl Machine for Fin {
         Ok(Start { parameters, motion })
     }
 
-    fn begin<R: Real>(&self, rig: &mut Rig<R>, lane: usize, stream: &mut Stream, start: &Start) {
-        rig.begin(&self.config, lane, stream, start);
+    fn begin<R: Real>(
+        &self,
+        rig: &mut Rig<R>,
+        lane: usize,
+        draws: &[Draw],
+        stream: &mut Stream,
+        start: &Start,
+    ) {
+        rig.begin(&self.config, lane, draws, stream, start);
     }
 
     #[inline(always)]

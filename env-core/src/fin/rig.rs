@@ -4,6 +4,7 @@ use super::config::Config;
 use super::parameters::Parameters;
 use super::plant::{Loads, Plant};
 use super::servo::Servo;
+use crate::draw::Draw;
 use crate::lane::{Lanewise, Mask, Real};
 use crate::lanewise;
 use crate::seed::Stream;
@@ -98,11 +99,18 @@ impl<R: Real> Rig<R> {
     }
 
     /// Draws and sets the start of an episode: parameters in the table's order, pitch, demand.
-    pub fn begin(&mut self, config: &Config, lane: usize, stream: &mut Stream, start: &Start) {
+    pub fn begin(
+        &mut self,
+        config: &Config,
+        lane: usize,
+        draws: &[Draw],
+        stream: &mut Stream,
+        start: &Start,
+    ) {
         // Nothing has been measured yet.
         self.visit_mut(&mut |x| x.set(lane, 0.0));
         let parameters = values(|i| {
-            let drawn = config.draws[i].draw(stream);
+            let drawn = draws[i].draw(stream);
             start.parameters.get(i).copied().flatten().unwrap_or(drawn)
         });
         let mut pitch = stream.uniform(config.start_pitch.0, config.start_pitch.1);

@@ -39,6 +39,27 @@ impl Pendulum {
         &self.config
     }
 
+    /// Refuses parameters within these bounds for which the Verlet stepper's step, which stays as it is, is too long.
+    fn check_stable(&self, bounds: &[(f64, f64)]) -> Result<()> {
+        let config = &self.config;
+        if config.scheme != Scheme::Verlet {
+            return Ok(());
+        }
+        let limit = verlet_limit(config.nodes, bounds);
+        if config.physics_dt <= limit {
+            return Ok(());
+        }
+        let shown = |(p, &(low, high)): (&Parameter, &(f64, f64))| {
+            (p.name.to_owned(), if low == high { json!(low) } else { json!([low, high]) })
+        };
+        let given: Map<_, _> = PARAMETERS.iter().zip(bounds).map(shown).collect();
+        let allowed = format!(
+            "such that the verlet stepper is stable: its limit would be {limit:.3e} s, but physics_dt is {:.3e} s (make the environment with stepper='implicit' or a smaller physics_dt)",
+            config.physics_dt
+        );
+        Err(Error::parameter("parameters", Value::Object(given), allowed))
+    }
+
     fn check_state(&self, value: &Value) -> Result<State> {
         let edges = self.config.nodes - 1;
         let allowed = format!(
@@ -111,23 +132,23 @@ impl Machine for Pendulum {
         Plant::new(&self.config)
     }
 
-    fn check(&self, options: &ResetOptions) -> Result<Start> {
+    fn draws(&self) -> &[Draw] {
+        &self.config.draws
+    }
+
+    fn check_draws(&self, draws: &[Draw]) -> Result<()> {
+        let bounds: Vec<_> = draws.iter().map(Draw::bounds).collect();
+        self.check_stable(&bounds)
+    }
+
+    fn check(&self, options: &ResetOptions, draws: &[Draw]) -> Result<Start> {
         let parameters = exact_parameters(&options.parameters, PARAMETERS)?;
-        let config = &self.config;
-        if config.scheme == Scheme::Verlet && parameters.iter().any(Option::is_some) {
+        if parameters.iter().any(Option::is_some) {
             let bounds = |(draw, exact): (&Draw, &Option<f64>)| {
                 exact.map_or(draw.bounds(), |value| (value, value))
             };
-            let bounds: Vec<_> = config.draws.iter().zip(&parameters).map(bounds).collect();
-            let limit = verlet_limit(config.nodes, &bounds);
-            if config.physics_dt > limit {
-                let given = Value::Object(options.parameters.clone());
-                let allowed = format!(
-                    "such that the verlet stepper is stable: its limit would be {limit:.3e} s, but physics_dt is {:.3e} s (make the environment with stepper='implicit' or a smaller physics_dt)",
-                    config.physics_dt
-                );
-                return Err(Error::parameter("parameters", given, allowed));
-            }
+            let bounds: Vec<_> = draws.iter().zip(&parameters).map(bounds).collect();
+            self.check_stable(&bounds)?;
         }
         let state = options.state.as_ref().map(|value| self.check_state(value)).transpose()?;
         Ok(Start { parameters, state })
@@ -137,10 +158,11 @@ impl Machine for Pendulum {
         &self,
         plant: &mut Plant<R>,
         lane: usize,
+        draws: &[Draw],
         stream: &mut Stream,
         start: &Start,
     ) {
-        plant.begin(&self.config, lane, stream, start);
+        plant.begin(&self.config, lane, draws, stream, start);
     }
 
     #[inline(always)]

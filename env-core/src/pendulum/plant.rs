@@ -1,6 +1,7 @@
 //! The pendulum itself: rod, motor and sensors of `R::LANES` environments.
 
 use super::config::{COUNT, Config, at, uniform};
+use crate::draw::Draw;
 use crate::lane::{Lanewise, Mask, Real};
 use crate::lanewise;
 use crate::rod::{Motion, Rod};
@@ -82,9 +83,16 @@ impl<R: Real> Plant<R> {
     }
 
     /// Draws and sets the start of an episode: parameters in the table's order, angle, bend.
-    pub fn begin(&mut self, config: &Config, lane: usize, stream: &mut Stream, start: &Start) {
+    pub fn begin(
+        &mut self,
+        config: &Config,
+        lane: usize,
+        draws: &[Draw],
+        stream: &mut Stream,
+        start: &Start,
+    ) {
         let mut values = [0.0; COUNT];
-        for (i, draw) in config.draws.iter().enumerate() {
+        for (i, draw) in draws.iter().enumerate() {
             let drawn = draw.draw(stream);
             values[i] = start.parameters.get(i).copied().flatten().unwrap_or(drawn);
         }

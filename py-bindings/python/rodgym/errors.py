@@ -20,6 +20,10 @@ class ParameterError(RodgymError, ValueError):
     """An unknown keyword, or a value outside its range or of the wrong kind."""
 
 
+class SettingError(RodgymError, AttributeError):
+    """An attribute that cannot be set, because that would change nothing."""
+
+
 class ShapeError(RodgymError, ValueError):
     """An array of the wrong shape or type."""
 
