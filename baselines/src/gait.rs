@@ -7,7 +7,7 @@
 
 use crate::controller::Controller;
 use crate::error::Result;
-use crate::registry::Target;
+use crate::target::Target;
 use rodgym_core::catalog::{MakeOptions, make};
 use rodgym_core::env::{AutoresetMode, ResetOptions, Seeds, StepBuffer};
 use rodgym_core::fin::cycle::Waveform;

@@ -10,6 +10,7 @@ pub mod gait;
 pub mod linalg;
 pub mod pendulum;
 pub mod registry;
+mod target;
 
 pub use controller::Controller;
 pub use error::{Error, Result};

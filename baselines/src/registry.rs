@@ -4,35 +4,9 @@ use crate::controller::Controller;
 use crate::error::{Error, Result, parameter};
 use crate::gait::Gait;
 use crate::pendulum::{HybridLqr, Lqg, Lqr, Noise, RodDesign, ThesisLqg};
-use rodgym_core::env::{Space, Spec};
+pub use crate::target::Target;
 use rodgym_core::fin::cycle::Waveform;
-use serde::{Deserialize, Serialize};
-use serde_json::{Map, Value};
 use std::sync::{PoisonError, RwLock};
-
-/// What a controller is told of its environment: the part of its spec that a design depends on.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Target {
-    /// The environment's id.
-    pub id: String,
-    /// The machine that is moved.
-    pub machine: String,
-    /// Every keyword with its value.
-    pub config: Map<String, Value>,
-    /// An observation.
-    pub observation: Space,
-}
-
-impl From<&Spec> for Target {
-    fn from(spec: &Spec) -> Self {
-        Target {
-            id: spec.id.clone(),
-            machine: spec.machine.into(),
-            config: spec.config.clone(),
-            observation: spec.observation.clone(),
-        }
-    }
-}
 
 /// One controller: its name, the machine that it is for, and its design.
 #[derive(Clone, Copy, Debug)]

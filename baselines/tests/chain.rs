@@ -1,4 +1,4 @@
-//! The reduced chain is the thesis' inextensible model: same linearisation, energy balance in any
+//! The reduced chain is the thesis' inextensible model: same linearization, energy balance in any
 //! motion, and the low modes of a fine rod with six coordinates.
 
 use rodgym_baselines::linalg::eigenvalues;

@@ -49,8 +49,7 @@ pub struct Entry {
 type Bare = fn(&Map<String, Value>) -> Result<Box<dyn Simulation>>;
 
 /// Makes a batch of a row's environments from the user's keywords.
-type Build =
-    dyn Fn(&Entry, &Map<String, Value>, &BatchOptions) -> Result<Box<dyn VectorEnv>> + Send + Sync;
+type Build = dyn Fn(&Map<String, Value>, &BatchOptions) -> Result<Box<dyn VectorEnv>> + Send + Sync;
 
 impl Entry {
     /// The row of a task under an id.
@@ -61,7 +60,7 @@ impl Entry {
             task: T::NAME,
             max_episode_steps: T::MAX_EPISODE_STEPS,
             reward_threshold: T::REWARD_THRESHOLD,
-            build: Arc::new(move |entry, given, options| batch::make(entry, &task, given, options)),
+            build: Arc::new(move |given, options| batch::make(id, &task, given, options)),
             bare: T::Machine::bare,
         }
     }
@@ -130,7 +129,7 @@ pub fn make(options: &MakeOptions) -> Result<Box<dyn VectorEnv>> {
         max_episode_steps: options.max_episode_steps,
         num_threads: options.num_threads,
     };
-    (entry.build)(&entry, &options.kwargs, &batch_options)
+    (entry.build)(&options.kwargs, &batch_options)
 }
 
 /// Makes a bare machine by the word that it is looked up by.

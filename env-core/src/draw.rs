@@ -1,9 +1,9 @@
 //! How the parameters of an episode are drawn, or set exactly.
 
 use crate::error::{Error, Result};
-use crate::keywords::{RANDOMIZE, check_names, number};
+use crate::given::{check_names, number};
+use crate::keywords::{Parameter, RANDOMIZE};
 use crate::seed::Stream;
-use crate::spec::Parameter;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 

@@ -1,8 +1,8 @@
 //! The results of a step or reset of many environments: one list of their fields, from which everything that
 //! holds, lends, checks or cuts them into rows is made.
 
-use crate::env::Spec;
 use crate::error::{Error, Result};
+use crate::spec::Spec;
 use std::marker::PhantomData;
 use std::slice::from_raw_parts_mut;
 

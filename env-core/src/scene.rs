@@ -1,6 +1,6 @@
 //! What there is to draw of one environment.
 
-use crate::env::ResetOptions;
+use crate::episodes::ResetOptions;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 

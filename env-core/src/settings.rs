@@ -2,8 +2,8 @@
 
 use crate::draw::Draw;
 use crate::error::{Error, Result};
-use crate::keywords::{check_names, number};
-use crate::spec::Parameter;
+use crate::given::{check_names, number};
+use crate::keywords::Parameter;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 

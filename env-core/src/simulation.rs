@@ -1,7 +1,7 @@
 //! The bare machines, one at a time, for people who want the physics: no sensors, task or control step.
 
-use crate::env::NodeState;
 use crate::error::{Error, Result};
+use crate::scene::NodeState;
 use serde_json::{Map, Value};
 
 /// A bare machine that one can step. What is a machine's own (angles, loads, a linear model) it is asked

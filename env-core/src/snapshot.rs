@@ -4,9 +4,9 @@
 //! length of the payload (u32), payload (postcard), CRC-32 of all before it.
 
 use crate::draw::Draw;
-use crate::env::Spec;
 use crate::error::{Error, Result};
 use crate::seed::Stream;
+use crate::spec::Spec;
 use serde::{Deserialize, Serialize};
 
 const MAGIC: &[u8; 6] = b"RODGYM";

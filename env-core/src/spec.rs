@@ -1,6 +1,6 @@
 //! What users can ask about an environment before stepping it.
 
-use crate::keywords::Keyword;
+use crate::keywords::{Keyword, Parameter};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
@@ -36,24 +36,6 @@ impl Default for Space {
     fn default() -> Self {
         Space::new()
     }
-}
-
-/// A physical parameter: name, unit, default and allowed range. Its name is the same word everywhere: keyword,
-/// `info["parameters"]`, report column.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Parameter {
-    /// Keyword.
-    pub name: &'static str,
-    /// SI unit, empty where there is none.
-    pub unit: &'static str,
-    /// Default value.
-    pub default: f64,
-    /// Smallest allowed value.
-    pub low: f64,
-    /// Largest allowed value.
-    pub high: f64,
-    /// What it is, in one sentence.
-    pub doc: &'static str,
 }
 
 /// All that a user can ask about an environment before stepping it.

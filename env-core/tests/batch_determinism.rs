@@ -98,13 +98,13 @@ fn same_bits_for_every_instruction_set_and_lane_width() {
             num_threads: 1,
         };
         let mut scalar =
-            Batch::<Pendulum, f64>::new(&row, &task, &given, &options, Isa::Baseline).unwrap();
+            Batch::<Pendulum, f64>::new(row.id, &task, &given, &options, Isa::Baseline).unwrap();
         let scalar = trace(&mut scalar, 20, 60);
         for isa in Isa::available() {
-            let mut eight = in_lanes(&row, &task, &given, &options, isa).unwrap();
+            let mut eight = in_lanes(row.id, &task, &given, &options, isa).unwrap();
             assert_eq!(trace(eight.as_mut(), 20, 60), scalar, "{isa:?}, 8 lanes");
             let mut four =
-                Batch::<Pendulum, Lanes<4>>::new(&row, &task, &given, &options, isa).unwrap();
+                Batch::<Pendulum, Lanes<4>>::new(row.id, &task, &given, &options, isa).unwrap();
             assert_eq!(trace(&mut four, 20, 60), scalar, "{isa:?}, 4 lanes");
         }
     }

@@ -1,8 +1,8 @@
 //! The forces on the fin against what they must be by their own definition: gradients of energies, exact
 //! balances of power and momentum, symmetries.
 
+use rodgym_core::fin::Design;
 use rodgym_core::fin::Scheme;
-use rodgym_core::fin::plant::Design;
 use rodgym_core::fin::{BareFin, Forces, Geometry, Parameters};
 use rodgym_core::fluid::Hydrodynamics;
 use rodgym_core::seed::Stream;

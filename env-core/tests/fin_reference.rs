@@ -2,9 +2,9 @@
 //! its own assembly and, where said, a different integrator.
 
 use nalgebra::{DMatrix, SymmetricEigen};
+use rodgym_core::fin::Design;
 use rodgym_core::fin::Scheme;
 use rodgym_core::fin::cycle::{Cycle, Drive, Waveform, measure};
-use rodgym_core::fin::plant::Design;
 use rodgym_core::fin::servo::{Servo, Ticks};
 use rodgym_core::fin::{BareFin, Geometry, Parameters};
 use rodgym_core::fluid::Hydrodynamics;
@@ -427,7 +427,7 @@ fn energy_budget_closes() {
         let parameters = thesis(number(&row, "E_Pa"));
         let flow = parameters.flow_speed;
         let mut fin = BareFin::new(design, parameters).expect("allowed");
-        let mass = parameters.water(&Geometry::thesis()).added_mass;
+        let mass = Geometry::thesis().water(&parameters).added_mass;
         let (mut power, mut thrust, mut wake, mut resistive, mut zeta) = (0.0, 0.0, 0.0, 0.0, 0.0);
         for step in 1..=5 * steps {
             fin.step(drive.pitch(f64::from(step) * fin.design().physics_dt), 1).expect("solved");

@@ -3,7 +3,7 @@
 
 use nalgebra::{DMatrix, DVector};
 use rodgym_core::linear::Banded;
-use rodgym_core::rod::{Motion, Rod, Uniform, add_stiffness, energy, forces, linearise};
+use rodgym_core::rod::{Motion, Rod, Uniform, add_stiffness, energy, forces, linearize};
 use rodgym_core::seed::Stream;
 use rodgym_core::solver::{Constant, Integrator, Scheme};
 use rodgym_core::vec2::Vec2;
@@ -107,7 +107,7 @@ fn both_sweeps_give_the_same_forces() {
         expected[0] -= shape.base.scale(torque);
         expected[1] += shape.base.scale(torque);
         let size = expected.iter().map(|f| f.dot(*f).sqrt()).fold(0.0, f64::max);
-        let mut sweep = linearise(&rod, &x, &v, torque, 300.0);
+        let mut sweep = linearize(&rod, &x, &v, torque, 300.0);
         for (i, expected) in expected.iter().enumerate() {
             let gap = sweep.next().expect("one item a node").0 - *expected;
             assert!(gap.dot(gap).sqrt() < 1e-13 * size, "node {i} of {nodes}: {gap:?} of {size}");

@@ -1,7 +1,7 @@
 //! Implicit steps that do not converge are taken again in smaller parts: as the parts alone would be, in
 //! each lane by itself, with nothing changed where even the smallest fail.
 
-use rodgym_core::fin::{Design, Geometry, Parameters, Plant};
+use rodgym_core::fin::{Body, Design, Geometry, Parameters};
 use rodgym_core::fluid::Hydrodynamics;
 use rodgym_core::lane::{Lanes, Lanewise, Mask, Real};
 use rodgym_core::rod::{Motion, Rod, Uniform};
@@ -89,7 +89,7 @@ fn each_lane_is_repaired_by_itself() {
 }
 
 /// A straight fin whose nodes behind the driven edge fly apart at random, at up to `speed` \[m/s\] a component.
-fn torn_fin<R: Real>(fin: &mut Plant<R>, lane: usize, speed: f64, seed: u64) {
+fn torn_fin<R: Real>(fin: &mut Body<R>, lane: usize, speed: f64, seed: u64) {
     fin.begin(lane, &Parameters::default(), 0.1);
     let (mut stream, single) = (Stream::new(seed), fin.lane(lane));
     let free = single.design.geometry.pivot + 2;
@@ -101,8 +101,8 @@ fn torn_fin<R: Real>(fin: &mut Plant<R>, lane: usize, speed: f64, seed: u64) {
     fin.set_motion(lane, &single.now.x, &velocities, 0.1);
 }
 
-fn fins<R: Real>(physics_dt: f64) -> Plant<R> {
-    Plant::new(Design {
+fn fins<R: Real>(physics_dt: f64) -> Body<R> {
+    Body::new(Design {
         geometry: Geometry::thesis(),
         hydrodynamics: Hydrodynamics::Lighthill,
         scheme: Scheme::BackwardEuler,
@@ -113,7 +113,7 @@ fn fins<R: Real>(physics_dt: f64) -> Plant<R> {
 }
 
 /// Every number of a fin but its loads.
-fn fin_bits(fin: &mut Plant<f64>) -> Vec<u64> {
+fn fin_bits(fin: &mut Body<f64>) -> Vec<u64> {
     fin.loads = Default::default();
     let mut bits = vec![];
     fin.visit(&mut |x| bits.push(x.to_bits()));

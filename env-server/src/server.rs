@@ -8,13 +8,14 @@
 use crate::error::{Code, Refusal};
 use crate::metrics::OPS;
 use crate::session::{Answer, Session, field, lists_from_arrays};
+pub use crate::shared::Factory;
 use crate::shared::Shared;
 use crate::size::Size;
 use crate::window::Digest;
 use crate::wire::{self, Arrays, ErrorBody, Frame, ReplyHeader, RequestHeader, VERSION};
 use crate::work::{Finished, Making, Task, Ticket, Work};
 use rodgym_core::catalog::{self, MakeOptions};
-use rodgym_core::env::{AutoresetMode, VectorEnv};
+use rodgym_core::env::AutoresetMode;
 use serde_json::{Map, Value, json};
 use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -28,10 +29,6 @@ fn list() -> Value {
     let ids: Vec<&str> = entries.iter().map(|entry| entry.id).collect();
     json!({"ids": ids, "environments": entries})
 }
-
-/// Makes batches: `catalog::make`, or a test's own environments.
-pub type Factory =
-    Arc<dyn Fn(&MakeOptions) -> rodgym_core::Result<Box<dyn VectorEnv>> + Send + Sync>;
 
 /// Sessions and what is done with them.
 pub struct Server {

@@ -93,11 +93,12 @@ impl Session {
     }
 
     /// Writes the reply of `make`.
-    pub fn greet(&mut self, sid: u128, window: usize) {
+    pub fn greet(&mut self, sid: u128, window: usize, message_bytes: usize) {
         let env = &self.env;
         self.greeting = Answer::of(json!({
             "sid": format!("{sid:032x}"),
             "window": window,
+            "message_bytes": message_bytes,
             "num_envs": env.num_envs(),
             "autoreset_mode": env.autoreset_mode(),
             "max_episode_steps": env.max_episode_steps(),

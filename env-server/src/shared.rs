@@ -4,9 +4,15 @@ use crate::error::{Code, Refusal};
 use crate::limits::{Limits, UserLimits};
 use crate::memory::Ledger;
 use crate::metrics::Metrics;
+use rodgym_core::catalog::MakeOptions;
+use rodgym_core::env::VectorEnv;
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, RwLock};
+
+/// Makes batches: `catalog::make`, or a test's own environments.
+pub type Factory =
+    Arc<dyn Fn(&MakeOptions) -> rodgym_core::Result<Box<dyn VectorEnv>> + Send + Sync>;
 
 /// What all threads of a server have in common.
 pub struct Shared {

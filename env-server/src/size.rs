@@ -2,7 +2,7 @@
 
 use crate::error::{Code, Refusal};
 use crate::limits::Limits;
-use crate::server::Factory;
+use crate::shared::Factory;
 use rodgym_core::catalog::MakeOptions;
 use rodgym_core::env::{ResetOptions, Seeds, Spec, StepBuffer};
 use std::time::Duration;

@@ -3,9 +3,8 @@
 
 use crate::error::{Code, Refusal};
 use crate::memory::Charge;
-use crate::server::Factory;
 use crate::session::{Answer, Session};
-use crate::shared::{Place, Shared};
+use crate::shared::{Factory, Place, Shared};
 use crate::window::{Digest, Verdict};
 use crate::wire::{Arrays, RequestHeader};
 use rodgym_core::catalog::MakeOptions;
@@ -97,24 +96,26 @@ impl Work {
                     Err(_) => (None, lost(&header.op)),
                 }
             }
-            Task::Make(making) => match catch_unwind(AssertUnwindSafe(|| make(sid, *making))) {
-                Ok(Ok(session)) => {
-                    shared.metrics.made.fetch_add(1, Relaxed);
-                    let greeting = session.greeting.clone();
-                    (Some(session), Ok(greeting))
+            Task::Make(making) => {
+                match catch_unwind(AssertUnwindSafe(|| make(&shared, sid, *making))) {
+                    Ok(Ok(session)) => {
+                        shared.metrics.made.fetch_add(1, Relaxed);
+                        let greeting = session.greeting.clone();
+                        (Some(session), Ok(greeting))
+                    }
+                    Ok(Err(refusal)) => (None, Err(refusal)),
+                    Err(_) => (None, lost("make")),
                 }
-                Ok(Err(refusal)) => (None, Err(refusal)),
-                Err(_) => (None, lost("make")),
-            },
+            }
         };
         Finished { sid, ticket, session, outcome }
     }
 }
 
-fn make(sid: u128, making: Making) -> Result<Box<Session>, Refusal> {
+fn make(shared: &Shared, sid: u128, making: Making) -> Result<Box<Session>, Refusal> {
     let env = (making.factory)(&making.options)?;
     let mut session = Session::new(env, making.window, making.now);
-    session.greet(sid, making.window);
+    session.greet(sid, making.window, shared.limits.message_bytes);
     session.expected = making.expected;
     session.reserved = Some((making.place, making.charge));
     Ok(Box::new(session))

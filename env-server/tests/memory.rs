@@ -49,10 +49,11 @@ fn long_fin() -> Value {
 #[test]
 fn a_batch_takes_no_more_than_was_promised_for_it() {
     let factory: Factory = Arc::new(catalog::make);
-    for catalog::Entry { id, .. } in catalog::entries() {
-        let pendulum = id.contains("Pendulum");
-        let long = json!({"nodes": 1001, "physics_dt": 0.01});
-        let longest = if pendulum { long } else { long_fin() };
+    for catalog::Entry { id, machine, .. } in catalog::entries() {
+        let longest = match machine {
+            "fin" => long_fin(),
+            _ => json!({"nodes": 1001, "physics_dt": 0.01}),
+        };
         for (kwargs, envs) in [(json!({}), 1), (json!({}), 256), (longest, 5)] {
             let mut options = MakeOptions {
                 id: (*id).into(),

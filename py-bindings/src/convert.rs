@@ -5,8 +5,22 @@ use crate::errors::{raise, to_py};
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyString, PyTuple};
+use rodgym_caught::caught;
 use rodgym_core::Error;
 use serde_json::{Map, Number, Value};
+
+/// Adds this file's function to the module.
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_function(wrap_pyfunction!(plain_values, module)?)
+}
+
+/// Keywords or options as numbers, strings, lists and dictionaries: what a local environment reads, and refused as it
+/// would refuse.
+#[caught]
+#[pyfunction]
+fn plain_values<'py>(given: &Bound<'py, PyDict>) -> PyResult<Bound<'py, PyAny>> {
+    to_python(given.py(), &Value::Object(to_map(given)?))
+}
 
 /// A value nested deeper than this is a mistake (or contains itself).
 const MAX_DEPTH: usize = 16;

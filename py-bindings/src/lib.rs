@@ -31,6 +31,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     analysis::register(module)?;
     baselines::register(module)?;
+    convert::register(module)?;
     batch::register(module)?;
     infos::register(module)?;
     lock::register(module)?;

@@ -30,8 +30,8 @@ def restored(monkeypatch):
 
 
 def test_gymnasium_knows_the_rows_of_the_catalogue():
-    assert [dataclasses.asdict(entry) for entry in ROWS] == _native.catalog()
-    for entry in ROWS:
+    for entry, row in zip(ROWS, _native.catalog(), strict=True):
+        assert dataclasses.asdict(entry) == row | {"entry_point": entry.entry_point}
         spec = gym.spec(entry.id)
         assert (spec.max_episode_steps, spec.reward_threshold) == (
             entry.max_episode_steps,
@@ -128,3 +128,16 @@ def test_a_study_may_start_a_machine_where_its_description_says():
         else:
             with pytest.raises(StudyError, match=r"'start.angle' is no key of a case in rodgym/"):
                 parse({"env": entry.id, **content}, "study")
+
+
+@pytest.mark.parametrize("entry", ROWS, ids=lambda entry: entry.id)
+def test_the_preset_of_the_thesis_and_its_short_word_are_the_same(entry):
+    spec = gym.make(entry.id, preset="burch2019").unwrapped.core_spec
+    assert spec == gym.make(entry.id, thesis=True).unwrapped.core_spec
+    assert spec["config"]["preset"] == "burch2019" and spec["config"]["thesis"] is True
+    plain = gym.make(entry.id).unwrapped.core_spec["config"]
+    assert plain["preset"] is None and plain != spec["config"]
+    with pytest.raises(ParameterError, match=r"preset = 'burch' is .*'burch2019'"):
+        gym.make(entry.id, preset="burch")
+    with pytest.raises(ParameterError, match=r"thesis = [Ff]alse is .*beside preset"):
+        gym.make(entry.id, preset="burch2019", thesis=False)

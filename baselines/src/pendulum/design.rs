@@ -1,7 +1,7 @@
 //! The rod that a controller believes in, and how it meets it.
 
 use crate::error::{Result, parameter};
-use rodgym_core::keywords::check_names;
+use rodgym_core::given::check_names;
 use serde_json::{Map, Value};
 
 /// Names of the fields.

@@ -109,7 +109,7 @@ impl Estimator {
         for _ in 0..half {
             self.chain.step(mean, torque, step);
         }
-        // One linearisation, in the middle of the period, serves all of it.
+        // One linearization, in the middle of the period, serves all of it.
         let (a, _) = self.chain.linearize(mean, torque);
         for _ in half..self.substeps {
             self.chain.step(mean, torque, step);

@@ -3,12 +3,15 @@
 use super::machine::Machine;
 use super::task::{Outcome, Scorer};
 use crate::draw::Draw;
-use crate::env::{AutoresetMode, Scene, Spec, StepData};
+use crate::episodes::AutoresetMode;
 use crate::error::{Error, Result};
 use crate::isa::{Isa, Kernel, dispatch};
 use crate::lane::{Lanewise, Mask, Real};
+use crate::results::StepData;
+use crate::scene::Scene;
 use crate::seed::Stream;
 use crate::snapshot::Snapshot;
+use crate::spec::Spec;
 use crate::watch::Watch;
 use std::sync::Arc;
 

@@ -1,12 +1,14 @@
 //! What a machine must offer so that a batch can run it.
 
 use crate::draw::Draw;
-use crate::env::{NodeState, Parameter, ResetOptions, Scene, Space};
+use crate::episodes::ResetOptions;
 use crate::error::Result;
-use crate::keywords::Keyword;
+use crate::keywords::{Keyword, Parameter};
 use crate::lane::{Lanewise, Real};
+use crate::scene::{NodeState, Scene};
 use crate::seed::Stream;
 use crate::simulation::Simulation;
+use crate::spec::Space;
 use crate::watch::Watch;
 use serde_json::{Map, Value};
 

@@ -11,7 +11,6 @@ mod task;
 pub use machine::Machine;
 pub use task::{Outcome, Scorer, Task};
 
-use crate::catalog::Entry;
 use crate::draw::Draw;
 use crate::env::{
     AutoresetMode, LongStep, NodeState, ResetOptions, Saved, Scene, Seeds, Settings, Spec,
@@ -73,7 +72,7 @@ pub struct BatchOptions {
 /// # Errors
 /// A keyword or an option that is refused.
 pub fn make<T: Task>(
-    entry: &Entry,
+    id: &str,
     task: &T,
     given: &Map<String, Value>,
     options: &BatchOptions,
@@ -86,14 +85,14 @@ pub fn make<T: Task>(
     let isa = Isa::current()?;
     if options.num_envs == 1 {
         return Ok(Box::new(Batch::<T::Machine, f64>::new(
-            entry,
+            id,
             task,
             given,
             options,
             Isa::Baseline,
         )?));
     }
-    in_lanes(entry, task, given, options, isa)
+    in_lanes(id, task, given, options, isa)
 }
 
 /// Makes a batch in eight lanes with the given instruction set; options are taken as checked.
@@ -104,31 +103,31 @@ pub fn make<T: Task>(
 /// # Panics
 /// When this machine lacks the instruction set.
 pub fn in_lanes<T: Task>(
-    entry: &Entry,
+    id: &str,
     task: &T,
     given: &Map<String, Value>,
     options: &BatchOptions,
     isa: Isa,
 ) -> Result<Box<dyn VectorEnv>> {
-    struct Make<'a, T>(&'a Entry, &'a T, &'a Map<String, Value>, &'a BatchOptions, Isa);
+    struct Make<'a, T>(&'a str, &'a T, &'a Map<String, Value>, &'a BatchOptions, Isa);
     impl<T: Task> ForLanes for Make<'_, T> {
         type Output = Result<Box<dyn VectorEnv>>;
         fn make<R: Real>(self) -> Self::Output {
-            let Make(entry, task, given, options, isa) = self;
-            Ok(Box::new(Batch::<T::Machine, R>::new(entry, task, given, options, isa)?))
+            let Make(id, task, given, options, isa) = self;
+            Ok(Box::new(Batch::<T::Machine, R>::new(id, task, given, options, isa)?))
         }
     }
-    with_lanes(isa, Make(entry, task, given, options, isa))
+    with_lanes(isa, Make(id, task, given, options, isa))
 }
 
 /// All that users can ask of a task's environments.
-fn spec<T: Task>(entry: &Entry, machine: &T::Machine) -> Spec {
+fn spec<T: Task>(id: &str, machine: &T::Machine) -> Spec {
     let mut observation = machine.observation();
     for &(name, bound) in T::OBSERVATION {
         observation.push(-bound, bound, name);
     }
     Spec {
-        id: entry.id.into(),
+        id: id.into(),
         machine: T::Machine::NAME,
         task: T::NAME,
         observation,
@@ -138,7 +137,7 @@ fn spec<T: Task>(entry: &Entry, machine: &T::Machine) -> Spec {
         parameters: machine.parameter_table().to_vec(),
         keywords: T::Machine::KEYWORDS.to_vec(),
         config: machine.resolved().clone(),
-        default_max_episode_steps: entry.max_episode_steps,
+        default_max_episode_steps: T::MAX_EPISODE_STEPS,
         control_dt: machine.control_dt(),
         physics_dt: machine.physics_dt(),
     }
@@ -157,7 +156,7 @@ impl<M: Machine, R: Real> Batch<M, R> {
     /// # Errors
     /// A keyword that is refused.
     pub fn new<T: Task<Machine = M>>(
-        entry: &Entry,
+        id: &str,
         task: &T,
         given: &Map<String, Value>,
         options: &BatchOptions,
@@ -170,7 +169,7 @@ impl<M: Machine, R: Real> Batch<M, R> {
             max_episode_steps: options.max_episode_steps,
             isa,
         };
-        let spec = spec::<T>(entry, &machine);
+        let spec = spec::<T>(id, &machine);
         let env = Environment { machine, task: Box::new(task.clone()), spec, rules };
         let block = |first| Block::new(&env, R::LANES.min(n - first), first as u64);
         let blocks: Vec<_> = (0..n).step_by(R::LANES).map(block).collect();

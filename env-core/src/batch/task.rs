@@ -1,9 +1,9 @@
 //! What is asked of a machine.
 
 use super::machine::Machine;
-use crate::env::Scene;
 use crate::isa::{Isa, Kernel, dispatch};
 use crate::lane::{Mask, Real};
+use crate::scene::Scene;
 
 /// A task: what is paid, when the task itself ends an episode, what more is shown and reported.
 ///

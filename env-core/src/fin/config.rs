@@ -1,15 +1,16 @@
 //! Keywords of the fin environments, checked.
 
+use super::design::Design;
 use super::geometry::Geometry;
 use super::parameters::Parameters;
-use super::plant::Design;
 use super::servo::Ticks;
 use crate::draw::Draw;
 use crate::error::{Error, Result};
 use crate::fluid::Hydrodynamics;
-use crate::keywords::{Allowed, Keyword, RANDOMIZE, Reader, check_names, number, whole};
+use crate::given::{check_names, number, whole};
+use crate::keywords::{Allowed, Keyword, Parameter, RANDOMIZE, THESIS, THESIS_PRESET, preset};
+use crate::reader::Reader;
 use crate::solver::Scheme;
-use crate::spec::Parameter;
 use serde_json::{Map, Value, json};
 
 /// Largest pitch \[rad\].
@@ -149,13 +150,8 @@ pub const KEYWORDS: &[Keyword] = &[
         Allowed::Other("a multiple of physics_dt, from 0 to 10 control_dt"),
         "by which the command lags behind the action",
     ),
-    bare(keyword(
-        "thesis",
-        "",
-        "False",
-        Allowed::Flag,
-        "the thesis' material (8.11 MPa, damping 0.1238 kg/s) and stepper",
-    )),
+    preset(&[THESIS_PRESET], "the thesis' material (8.11 MPa, damping 0.1238 kg/s) and stepper"),
+    THESIS,
 ];
 
 /// Place of `youngs_modulus` in the table.
@@ -210,7 +206,7 @@ impl Config {
     pub fn new(setup: &Setup, given: &Map<String, Value>) -> Result<Config> {
         let table = Parameters::table_of(setup.free_swimming);
         let mut reader = Reader::new(given, &table, KEYWORDS)?;
-        let thesis = reader.flag("thesis", false)?;
+        let thesis = reader.thesis()?;
         let usual = if thesis { Parameters::thesis() } else { Parameters::default() };
         let row = |p: &Parameter| table.iter().position(|known| known.name == p.name);
         let values = reader.parameters(&table, |p| {

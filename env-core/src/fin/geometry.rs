@@ -1,7 +1,8 @@
 //! Shape of the fin: the section at each node (thesis Table 3.1), and the rod that it makes.
 
-use super::parameters::Parameters;
+use super::parameters::{Parameters, WATER_DENSITY};
 use crate::error::{Error, Result};
+use crate::fluid::Water;
 use crate::lane::Real;
 use crate::rod::Rod;
 
@@ -165,6 +166,19 @@ impl Geometry {
             }
         }
         Ok(())
+    }
+
+    /// Coefficients of the water about a fin of this shape.
+    pub fn water<R: Real>(&self, parameters: &Parameters<R>) -> Water<R> {
+        let h = self.height;
+        let plate = WATER_DENSITY * std::f64::consts::PI * h * h / 4.0;
+        let pressure = R::splat(0.5 * WATER_DENSITY);
+        Water {
+            added_mass: parameters.added_mass_coefficient * R::splat(plate),
+            drag: pressure * parameters.drag_coefficient * R::splat(h),
+            friction: pressure * parameters.friction_coefficient,
+            flow_speed: parameters.flow_speed,
+        }
     }
 
     /// The discrete rod of this shape: masses (thesis 2.4, 2.5), stretching stiffness on the edges,

@@ -2,19 +2,21 @@
 
 use super::config::{self, Config, Setup};
 use super::parameters::{Parameters, WATER_DENSITY};
-use super::rig::{Rig, Start};
+use super::plant::{Plant, Start};
 use super::sensors;
 use super::sim::BareFin;
 use crate::batch::Machine;
 use crate::draw::{Draw, exact_parameters};
-use crate::env::{NodeState, Parameter, ResetOptions, Scene, Space};
+use crate::episodes::ResetOptions;
 use crate::error::{Error, Result};
 use crate::fluid::terms::ByKind;
-use crate::keywords::Keyword;
+use crate::keywords::{Keyword, Parameter};
 use crate::lane::{Lanewise, Real};
 use crate::rod::curvature;
+use crate::scene::{NodeState, Scene};
 use crate::seed::Stream;
 use crate::simulation::Simulation;
+use crate::spec::Space;
 use crate::vec2::Vec2;
 use crate::watch::Watch;
 use serde_json::{Map, Value, json};
@@ -52,7 +54,7 @@ impl Machine for Fin {
     ];
     const KEYWORDS: &'static [Keyword] = config::KEYWORDS;
     type Setup = Setup;
-    type Plant<R: Real> = Rig<R>;
+    type Plant<R: Real> = Plant<R>;
     type Start = Start;
 
     fn new(setup: &Setup, given: &Map<String, Value>) -> Result<Self> {
@@ -86,8 +88,8 @@ impl Machine for Fin {
         self.config.design.physics_dt
     }
 
-    fn new_plant<R: Real>(&self) -> Rig<R> {
-        Rig::new(&self.config)
+    fn new_plant<R: Real>(&self) -> Plant<R> {
+        Plant::new(&self.config)
     }
 
     fn draws(&self) -> &[Draw] {
@@ -108,45 +110,45 @@ impl Machine for Fin {
 
     fn begin<R: Real>(
         &self,
-        rig: &mut Rig<R>,
+        plant: &mut Plant<R>,
         lane: usize,
         draws: &[Draw],
         stream: &mut Stream,
         start: &Start,
     ) {
-        rig.begin(&self.config, lane, draws, stream, start);
+        plant.begin(&self.config, lane, draws, stream, start);
     }
 
     #[inline(always)]
     fn step<R: Real>(
         &self,
-        rig: &mut Rig<R>,
+        plant: &mut Plant<R>,
         actions: &[R],
         _active: R::Mask,
         _streams: &mut [Stream],
         watch: Watch<'_>,
     ) -> R::Mask {
-        rig.control_step(&self.config, actions[0], watch)
+        plant.control_step(&self.config, actions[0], watch)
     }
 
     #[inline(always)]
-    fn metrics<R: Real>(&self, rig: &Rig<R>, metrics: &mut [R]) {
-        let mean = &rig.mean;
-        let slow = rig.slow_flow();
+    fn metrics<R: Real>(&self, plant: &Plant<R>, metrics: &mut [R]) {
+        let mean = &plant.mean;
+        let slow = plant.slow_flow();
         let geometry = &self.config.design.geometry;
         let area = geometry.length() * geometry.height;
         let pressure = R::splat(0.5 * WATER_DENSITY * area) * slow * slow;
-        let worked = R::splat(LEAST_WORK).lt(rig.work);
-        let efficiency = R::select(worked, rig.flow() * rig.impulse / rig.work, R::zero());
+        let worked = R::splat(LEAST_WORK).lt(plant.work);
+        let efficiency = R::select(worked, plant.flow() * plant.impulse / plant.work, R::zero());
         let numbers = [
             mean.thrust,
             mean.mount_thrust,
             mean.shed_thrust,
             mean.torque,
             mean.power,
-            rig.servo.angle,
+            plant.servo.angle,
             efficiency,
-            rig.stroke.frequency * rig.stroke.width / slow,
+            plant.stroke.frequency * plant.stroke.width / slow,
             mean.thrust / pressure,
         ];
         metrics.copy_from_slice(&numbers);
@@ -155,25 +157,25 @@ impl Machine for Fin {
     #[inline(always)]
     fn observe<R: Real>(
         &self,
-        rig: &Rig<R>,
+        plant: &Plant<R>,
         lanes: R::Mask,
         streams: &mut [Stream],
         observation: &mut [R],
     ) {
-        sensors::observe(&self.config, rig, lanes, streams, observation);
+        sensors::observe(&self.config, plant, lanes, streams, observation);
     }
 
-    fn parameters<R: Real>(&self, rig: &Rig<R>, lane: usize, out: &mut [f64]) {
+    fn parameters<R: Real>(&self, plant: &Plant<R>, lane: usize, out: &mut [f64]) {
         let mut rows = out.iter_mut();
-        rig.fin.parameters.visit(&mut |value| {
+        plant.body.parameters.visit(&mut |value| {
             if let Some(row) = rows.next() {
                 *row = value.get(lane);
             }
         });
     }
 
-    fn scene<R: Real>(&self, rig: &Rig<R>, lane: usize, scene: &mut Scene) {
-        let state = self.nodes(rig, lane);
+    fn scene<R: Real>(&self, plant: &Plant<R>, lane: usize, scene: &mut Scene) {
+        let state = self.nodes(plant, lane);
         let geometry = &self.config.design.geometry;
         let x = &state.positions;
         scene.thickness = geometry.widths.clone();
@@ -188,17 +190,17 @@ impl Machine for Fin {
         let mut value = |name: &str, number: f64| {
             scene.values.insert(name.into(), json!(number));
         };
-        value("pitch", rig.servo.angle.get(lane));
-        value("pitch_target", rig.commands[0].get(lane) * self.config.pitch_limit);
-        value("thrust", rig.mean.thrust.get(lane));
-        value("torque", rig.mean.torque.get(lane));
-        value("power", rig.mean.power.get(lane));
-        value("flow_speed", rig.fin.water.flow_speed.get(lane));
+        value("pitch", plant.servo.angle.get(lane));
+        value("pitch_target", plant.commands[0].get(lane) * self.config.pitch_limit);
+        value("thrust", plant.mean.thrust.get(lane));
+        value("torque", plant.mean.torque.get(lane));
+        value("power", plant.mean.power.get(lane));
+        value("flow_speed", plant.body.water.flow_speed.get(lane));
         value("length", geometry.length());
-        let fin = rig.fin.lane(lane);
+        let fin = plant.body.lane(lane);
         let (at, v) = (&fin.now.x, &fin.now.v);
         let mut water = ByKind::new(at.len());
-        fin.body().gather_water(at, v, &mut water);
+        fin.elements().gather_water(at, v, &mut water);
         // What the water does apart from being accelerated: drag, friction, and momentum shed at the tail.
         let shed = water.resistance.iter().zip(&water.tail_flux);
         let force: Vec<_> = shed.map(|(&a, &b)| a + b).map(|f| [f.x, f.y]).collect();
@@ -206,15 +208,15 @@ impl Machine for Fin {
         scene.nodes = state.positions;
     }
 
-    fn nodes<R: Real>(&self, rig: &Rig<R>, lane: usize) -> NodeState {
+    fn nodes<R: Real>(&self, plant: &Plant<R>, lane: usize) -> NodeState {
         let pick = |v: &[Vec2<R>]| v.iter().map(|p| [p.x.get(lane), p.y.get(lane)]).collect();
-        NodeState { positions: pick(&rig.fin.now.x), velocities: pick(&rig.fin.now.v) }
+        NodeState { positions: pick(&plant.body.now.x), velocities: pick(&plant.body.now.v) }
     }
     fn bare(given: &Map<String, Value>) -> Result<Box<dyn Simulation>> {
         Ok(Box::new(BareFin::from_keywords(given)?))
     }
 
-    fn simulation<R: Real>(&self, rig: &Rig<R>, lane: usize) -> Box<dyn Simulation> {
-        Box::new(BareFin::copy_of(&self.config, rig, lane))
+    fn simulation<R: Real>(&self, plant: &Plant<R>, lane: usize) -> Box<dyn Simulation> {
+        Box::new(BareFin::copy_of(&self.config, plant, lane))
     }
 }

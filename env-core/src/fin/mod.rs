@@ -4,25 +4,30 @@
 //! the fin along -x. The servo prescribes the edge behind the pivot node. Errata of the thesis and the
 //! derivation of the forces are in `docs/physics.md`.
 
+mod body;
 pub mod config;
 pub mod cycle;
+mod design;
 pub mod geometry;
 mod machine;
+mod motion;
 pub mod parameters;
 pub mod plant;
 mod residual;
-pub mod rig;
 pub mod sensors;
 pub mod servo;
 mod sim;
 mod step;
 pub mod tasks;
+mod workspace;
 
 pub use crate::solver::Scheme;
+pub use body::Body;
 pub use config::{Config, Setup};
+pub use design::Design;
 pub use geometry::Geometry;
 pub use machine::Fin;
+pub use motion::Loads;
 pub use parameters::Parameters;
-pub use plant::{Design, Loads, Plant};
-pub use rig::Rig;
+pub use plant::Plant;
 pub use sim::{BareFin, Energies, Forces};

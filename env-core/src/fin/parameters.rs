@@ -1,9 +1,7 @@
 //! The numbers of a fin and its water that may differ from episode to episode.
 
-use super::geometry::Geometry;
-use crate::env::Parameter;
 use crate::error::{Error, Result};
-use crate::fluid::Water;
+use crate::keywords::Parameter;
 use crate::lane::{Lanewise, Real};
 use crate::lanewise;
 
@@ -116,20 +114,5 @@ impl Parameters {
     pub fn check(&self) -> Result<()> {
         let mut copy = *self;
         (0..Self::COUNT).try_for_each(|index| copy.set(index, self.get(index)))
-    }
-}
-
-impl<R: Real> Parameters<R> {
-    /// Coefficients of the water about a fin of this geometry.
-    pub fn water(&self, geometry: &Geometry) -> Water<R> {
-        let h = geometry.height;
-        let plate = WATER_DENSITY * std::f64::consts::PI * h * h / 4.0;
-        let pressure = R::splat(0.5 * WATER_DENSITY);
-        Water {
-            added_mass: self.added_mass_coefficient * R::splat(plate),
-            drag: pressure * self.drag_coefficient * R::splat(h),
-            friction: pressure * self.friction_coefficient,
-            flow_speed: self.flow_speed,
-        }
     }
 }

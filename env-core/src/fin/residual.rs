@@ -1,6 +1,7 @@
 //! The balance of forces on every node at the end of an implicit step, and its exact derivative.
 
-use super::plant::{Design, Instant, Loads, Plant};
+use super::design::Design;
+use super::motion::{Instant, Loads};
 use crate::fluid::Water;
 use crate::fluid::edge::{EdgeLinear, EdgeMotion};
 use crate::fluid::terms::{Gather, Kind, Term};
@@ -10,14 +11,14 @@ use crate::rod::{Rod, add_stiffness, forces};
 use crate::vec2::Vec2;
 
 /// Gathers the water's part of the residual and of its derivative.
-struct Linearisation<'a, R> {
+struct Linearization<'a, R> {
     rate: R,
     edge: EdgeLinear<R>,
     residual: &'a mut [Vec2<R>],
     matrix: &'a mut Banded<R>,
 }
 
-impl<R: Real> Gather<R> for Linearisation<'_, R> {
+impl<R: Real> Gather<R> for Linearization<'_, R> {
     #[inline(always)]
     fn open(&mut self) {
         self.edge = EdgeLinear::default();
@@ -73,7 +74,7 @@ impl<R: Real> Gather<R> for Balance<'_, R> {
 }
 
 /// What the balance of forces is made of.
-pub(super) struct Body<'a, R> {
+pub(super) struct Elements<'a, R> {
     pub(super) design: &'a Design,
     pub(super) rod: &'a Rod<R>,
     pub(super) water: &'a Water<R>,
@@ -82,16 +83,7 @@ pub(super) struct Body<'a, R> {
     pub(super) hull_drag: R,
 }
 
-impl<R: Real> Plant<R> {
-    /// What the balance of forces is made of.
-    pub(super) fn body(&self) -> Body<'_, R> {
-        let Plant { design, rod, water, perimeter, hull_mass, hull_drag, .. } = self;
-        let (hull_mass, hull_drag) = (*hull_mass, *hull_drag);
-        Body { design, rod, water, perimeter, hull_mass, hull_drag }
-    }
-}
-
-impl<R: Real> Body<'_, R> {
+impl<R: Real> Elements<'_, R> {
     /// Lets the water act on a fin in this motion.
     #[inline(always)]
     pub(super) fn gather_water<G: Gather<R>>(&self, x: &[Vec2<R>], v: &[Vec2<R>], gather: &mut G) {
@@ -103,7 +95,7 @@ impl<R: Real> Body<'_, R> {
     /// where the starred quantities are the earlier state and `rate = 1/h`; and its derivative by the
     /// positions, `v` following them as `(x - x*)/h`.
     #[inline(always)]
-    pub(super) fn linearise(
+    pub(super) fn linearize(
         &self,
         star: &Instant<R>,
         rate: R,
@@ -122,7 +114,7 @@ impl<R: Real> Body<'_, R> {
             matrix.add_block(i, i, [[inertia, R::zero()], [R::zero(), inertia]]);
         }
         let edge = EdgeLinear::default();
-        self.gather_water(x, v, &mut Linearisation { rate, edge, residual, matrix });
+        self.gather_water(x, v, &mut Linearization { rate, edge, residual, matrix });
     }
 
     /// The same residual without derivative, the water's momentum, and the loads (without those of the
@@ -170,7 +162,7 @@ impl<R: Real> Body<'_, R> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fin::{Geometry, Parameters, Scheme};
+    use crate::fin::{Body, Geometry, Parameters, Scheme};
     use crate::fluid::Hydrodynamics;
     use crate::seed::Stream;
 
@@ -185,10 +177,10 @@ mod tests {
                 physics_dt: 1e-3,
                 free_swimming: false,
             };
-            let mut plant = Plant::<f64>::new(design).expect("allowed");
+            let mut body = Body::<f64>::new(design).expect("allowed");
             let parameters =
                 Parameters { bending_damping: 3e-3, damping: 0.2, ..Default::default() };
-            plant.set_parameters(0, &parameters);
+            body.set_parameters(0, &parameters);
             let mut stream = Stream::new(7);
             let (mut at, mut star) = (Instant::new(8), Instant::new(8));
             let mut draw =
@@ -202,10 +194,10 @@ mod tests {
             let evaluate = |x: &[Vec2<f64>], matrix: &mut Banded<f64>| {
                 let v: Vec<_> = (0..8).map(|i| (x[i] - star.x[i]).scale(rate)).collect();
                 let mut residual = vec![Vec2::zero(); 8];
-                plant.body().linearise(&star, rate, x, &v, &mut residual, matrix);
+                body.elements().linearize(&star, rate, x, &v, &mut residual, matrix);
                 let mut whole = Instant { x: x.to_vec(), v, p: vec![Vec2::zero(); 8] };
                 let mut again = residual.clone();
-                plant.body().balance(&star, rate, &mut whole, &mut again);
+                body.elements().balance(&star, rate, &mut whole, &mut again);
                 for (a, b) in residual.iter().zip(&again) {
                     let gap = (a.x - b.x).abs() + (a.y - b.y).abs();
                     assert!(gap < 1e-9, "{name}: the two residuals differ by {gap}");

@@ -1,11 +1,11 @@
 //! What the agent sees of the fin, with noise.
 
 use super::config::{Config, Sensors};
-use super::rig::Rig;
+use super::plant::Plant;
 use super::servo::{RATE_LIMIT, STAGES};
-use crate::env::Space;
 use crate::lane::{Mask, Real};
 use crate::seed::Stream;
+use crate::spec::Space;
 
 /// Unit of the observed pitch and turning angles \[rad\].
 pub const ANGLE_UNIT: f64 = 0.5;
@@ -49,7 +49,7 @@ pub fn space(config: &Config) -> Space {
 #[inline(always)]
 pub fn observe<R: Real>(
     config: &Config,
-    rig: &Rig<R>,
+    plant: &Plant<R>,
     lanes: R::Mask,
     streams: &mut [Stream],
     observation: &mut [R],
@@ -66,12 +66,12 @@ pub fn observe<R: Real>(
         observation[at] = observed(value, unit);
         at += 1;
     };
-    let (x, v) = (&rig.fin.now.x, &rig.fin.now.v);
+    let (x, v) = (&plant.body.now.x, &plant.body.now.v);
     match config.sensors {
         Sensors::Full => {
-            put(rig.servo.angle + noise(angle_noise), ANGLE_UNIT);
-            put(rig.servo.rate + noise(rate_noise), RATE_LIMIT);
-            for stage in &rig.servo.smoothed {
+            put(plant.servo.angle + noise(angle_noise), ANGLE_UNIT);
+            put(plant.servo.rate + noise(rate_noise), RATE_LIMIT);
+            for stage in &plant.servo.smoothed {
                 put(stage.angle, ANGLE_UNIT);
                 put(stage.rate, RATE_LIMIT);
             }
@@ -98,11 +98,11 @@ pub fn observe<R: Real>(
                 put(after - before + noise(rate_noise), RATE_UNIT);
                 before = after;
             }
-            put(rig.mean.thrust, THRUST_UNIT);
-            put(rig.mean.torque, TORQUE_UNIT);
+            put(plant.mean.thrust, THRUST_UNIT);
+            put(plant.mean.torque, TORQUE_UNIT);
         }
         Sensors::Camera => {
-            put(rig.commands[0], 1.0);
+            put(plant.commands[0], 1.0);
             let edge = config.design.geometry.edge_length;
             for node in x {
                 put(node.y + noise(angle_noise * edge), edge);

@@ -1,18 +1,21 @@
 //! A single fin for people who want the physics: no task, and a servo only where it is asked for.
 
+use super::body::Body;
 use super::config::{Config, KEYWORDS, Setup};
+use super::design::Design;
 use super::geometry::Geometry;
+use super::motion::Loads;
 use super::parameters::Parameters;
-use super::plant::{Design, Loads, Plant};
-use super::rig::Rig;
+use super::plant::Plant;
 use super::servo::{Servo, Ticks};
-use crate::env::NodeState;
 use crate::error::{Error, Result};
 use crate::fluid::Hydrodynamics;
 use crate::fluid::terms::ByKind;
-use crate::keywords::{bare_names, check_names};
+use crate::given::check_names;
+use crate::keywords::bare_names;
 use crate::lane::{Lanewise, Real};
 use crate::rod;
+use crate::scene::NodeState;
 use crate::simulation::{Named, Simulation, pairs, unknown};
 use crate::snapshot::Numbers;
 use crate::solver::Scheme;
@@ -54,7 +57,7 @@ pub struct Energies {
 /// One fin, pitched by hand or by its servo.
 #[derive(Clone, Debug)]
 pub struct BareFin {
-    plant: Plant<f64>,
+    body: Body<f64>,
     servo: Servo<f64>,
     ticks: Ticks,
     steps: u64,
@@ -78,11 +81,11 @@ impl BareFin {
     /// A design or parameter outside its range.
     pub fn new(design: Design, parameters: Parameters) -> Result<Self> {
         parameters.check()?;
-        let mut plant = Plant::new(design)?;
-        plant.begin(0, &parameters, 0.0);
-        let ticks = Ticks::new(plant.design.physics_dt, None);
+        let mut body = Body::new(design)?;
+        body.begin(0, &parameters, 0.0);
+        let ticks = Ticks::new(body.design.physics_dt, None);
         let servo = Servo::default();
-        Ok(BareFin { plant, servo, ticks, steps: 0, resolved: Map::new() })
+        Ok(BareFin { body, servo, ticks, steps: 0, resolved: Map::new() })
     }
 
     /// The thesis' fin in the given water, stepped by BDF2 every `physics_dt` seconds.
@@ -130,15 +133,15 @@ impl BareFin {
     }
 
     /// What runs in one lane of an environment, exactly: what the stepper remembers, servo and low-pass included.
-    pub fn copy_of<R: Real>(config: &Config, rig: &Rig<R>, lane: usize) -> Self {
-        let parameters = rig.fin.parameters.lane(lane);
+    pub fn copy_of<R: Real>(config: &Config, plant: &Plant<R>, lane: usize) -> Self {
+        let parameters = plant.body.parameters.lane(lane);
         let mut resolved = resolved(config);
         for (i, row) in Parameters::table().iter().enumerate() {
             resolved.insert(row.name.into(), json!(parameters.get(i)));
         }
         BareFin {
-            plant: rig.fin.lane(lane),
-            servo: rig.servo.lane(lane),
+            body: plant.body.lane(lane),
+            servo: plant.servo.lane(lane),
             ticks: config.ticks,
             steps: 0,
             resolved,
@@ -147,12 +150,12 @@ impl BareFin {
 
     /// Shape, water and stepping.
     pub fn design(&self) -> &Design {
-        &self.plant.design
+        &self.body.design
     }
 
     /// Material and water.
     pub fn material(&self) -> &Parameters {
-        &self.plant.parameters
+        &self.body.parameters
     }
 
     /// `n` physics steps under the servo of the environments, told this pitch \[rad\]. After `step` or `set_state`
@@ -175,7 +178,7 @@ impl BareFin {
 
     /// One physics step that ends at this pitch.
     fn advance(&mut self, pitch: f64) -> Result<()> {
-        if !self.plant.step(pitch) {
+        if !self.body.step(pitch) {
             let reason = format!("no solution for a step to pitch {pitch} rad");
             return Err(Error::Solver { time: self.time(), reason });
         }
@@ -192,7 +195,7 @@ impl BareFin {
         let mut trace = Vec::with_capacity(pitches.len());
         for &pitch in pitches {
             self.step(pitch, 1)?;
-            let (loads, x) = (&self.plant.loads, &self.plant.now.x);
+            let (loads, x) = (&self.body.loads, &self.body.now.x);
             trace.push([loads.thrust, loads.torque, loads.power, x[x.len() - 1].y]);
         }
         Ok(trace)
@@ -200,22 +203,22 @@ impl BareFin {
 
     /// Node positions \[m\].
     pub fn positions(&self) -> Vec<[f64; 2]> {
-        points(&self.plant.now.x)
+        points(&self.body.now.x)
     }
 
     /// Node velocities \[m/s\].
     pub fn velocities(&self) -> Vec<[f64; 2]> {
-        points(&self.plant.now.v)
+        points(&self.body.now.v)
     }
 
     /// Pitch of the driven edge \[rad\].
     pub fn pitch(&self) -> f64 {
-        self.plant.pitch
+        self.body.pitch
     }
 
     /// Forces and power of the last physics step.
     pub fn loads(&self) -> &Loads<f64> {
-        &self.plant.loads
+        &self.body.loads
     }
 
     /// Forces and energies in any motion; the fin itself is not touched.
@@ -223,15 +226,15 @@ impl BareFin {
     /// # Errors
     /// Wrong shapes or numbers that are not finite.
     pub fn forces(&self, positions: &[[f64; 2]], velocities: &[[f64; 2]]) -> Result<Forces> {
-        let (x, v) = self.plant.design.check_nodes(positions, velocities)?;
-        let plant = &self.plant;
+        let (x, v) = self.body.design.check_nodes(positions, velocities)?;
+        let body = &self.body;
         let still = vec![Vec2::zero(); x.len()];
         let mut elastic = still.clone();
         // Without velocity the damping vanishes, and a fin has no gravity.
-        rod::forces(&plant.rod, &x, &still, &mut elastic);
+        rod::forces(&body.rod, &x, &still, &mut elastic);
         let mut water = ByKind::new(x.len());
-        plant.body().gather_water(&x, &v, &mut water);
-        let energy = rod::energy(&plant.rod, &x, &v);
+        body.elements().gather_water(&x, &v, &mut water);
+        let energy = rod::energy(&body.rod, &x, &v);
         Ok(Forces {
             elastic: points(&elastic),
             fluid_momentum: points(&water.momentum),
@@ -245,15 +248,15 @@ impl BareFin {
 
     /// Energies now.
     pub fn energy(&self) -> Energies {
-        let plant = &self.plant;
-        let (x, v) = (&plant.now.x, &plant.now.v);
-        let energy = rod::energy(&plant.rod, x, v);
+        let body = &self.body;
+        let (x, v) = (&body.now.x, &body.now.v);
+        let energy = rod::energy(&body.rod, x, v);
         let mut water = ByKind::new(x.len());
-        plant.body().gather_water(x, v, &mut water);
+        body.elements().gather_water(x, v, &mut water);
         let mut kinetic = energy.kinetic;
-        if plant.design.free_swimming {
-            let speed = v[plant.design.geometry.pivot].x;
-            kinetic += 0.5 * plant.hull_mass * speed * speed;
+        if body.design.free_swimming {
+            let speed = v[body.design.geometry.pivot].x;
+            kinetic += 0.5 * body.hull_mass * speed * speed;
         }
         Energies { kinetic, stretch: energy.stretch, bend: energy.bend, fluid: water.energy }
     }
@@ -270,15 +273,15 @@ impl Simulation for BareFin {
 
     fn parameters(&self) -> Vec<(&'static str, f64)> {
         let table = Parameters::table();
-        table.iter().enumerate().map(|(i, row)| (row.name, self.plant.parameters.get(i))).collect()
+        table.iter().enumerate().map(|(i, row)| (row.name, self.body.parameters.get(i))).collect()
     }
 
     fn time(&self) -> f64 {
-        self.steps as f64 * self.plant.design.physics_dt
+        self.steps as f64 * self.body.design.physics_dt
     }
 
     fn physics_dt(&self) -> f64 {
-        self.plant.design.physics_dt
+        self.body.design.physics_dt
     }
 
     fn state(&self) -> NodeState {
@@ -288,8 +291,8 @@ impl Simulation for BareFin {
     /// As if the fin had just been placed there. The pivot must be at the origin (unless swimming freely) and the
     /// driven edge within 1e-6 of its rest length.
     fn set_state(&mut self, positions: &[[f64; 2]], velocities: &[[f64; 2]]) -> Result<()> {
-        let (x, v, pitch) = self.plant.design.check_motion(positions, velocities)?;
-        self.plant.set_motion(0, &x, &v, pitch);
+        let (x, v, pitch) = self.body.design.check_motion(positions, velocities)?;
+        self.body.set_motion(0, &x, &v, pitch);
         self.servo.place(0, pitch, 0.0, pitch);
         self.steps = 0;
         Ok(())
@@ -378,7 +381,7 @@ impl Simulation for BareFin {
 impl Numbers for BareFin {
     /// The fin's, its servo's and the low-pass'.
     fn visit(&mut self, f: &mut dyn FnMut(&mut f64)) {
-        self.plant.visit_mut(f);
+        self.body.visit_mut(f);
         self.servo.visit_mut(f);
     }
 }

@@ -3,10 +3,11 @@
 //! Added mass is part of the implicit balance (the water that moves with the tail is fifteen times
 //! heavier than the tail itself: an explicit coupling diverges).
 
-use super::plant::{Instant, Loads, Plant};
-use super::residual::Body;
+use super::body::Body;
+use super::motion::{Instant, Loads};
+use super::residual::Elements;
+use super::workspace::Workspace;
 use crate::lane::{Lanewise, Mask, Real};
-use crate::linear::{Banded, Border};
 use crate::solver::{Part, Stage, System};
 use crate::vec2::Vec2;
 use crate::watch::Watch;
@@ -15,25 +16,7 @@ use crate::watch::Watch;
 /// iterate after such a move is exact to rounding.
 const TOLERANCE: f64 = 1e-7;
 
-/// Memory that a step needs, kept so that it allocates nothing.
-#[derive(Clone, Debug)]
-pub(super) struct Workspace<R> {
-    residual: Vec<Vec2<R>>,
-    pub(super) momentum: Vec<Vec2<R>>,
-    matrix: Banded<R>,
-    right: Vec<Vec2<R>>,
-    border: Border<R>,
-}
-
-impl<R: Real> Workspace<R> {
-    pub(super) fn new(nodes: usize) -> Self {
-        let zeros = || vec![Vec2::zero(); nodes];
-        let (matrix, border) = (Banded::new(nodes), Border::new(nodes));
-        Workspace { residual: zeros(), momentum: zeros(), matrix, right: zeros(), border }
-    }
-}
-
-impl<R: Real> Plant<R> {
+impl<R: Real> Body<R> {
     /// One physics step in which the driven edge comes to `pitch` \[rad\]. Returns the lanes that took it;
     /// the others keep their state.
     #[inline(always)]
@@ -44,12 +27,12 @@ impl<R: Real> Plant<R> {
     /// The same, ending when who watches says so.
     #[inline(always)]
     pub fn step_unless(&mut self, pitch: R, watch: Watch<'_>) -> R::Mask {
-        let Plant { design, rod, water, perimeter, hull_mass, hull_drag, .. } = self;
+        let Body { design, rod, water, perimeter, hull_mass, hull_drag, .. } = self;
         let (hull_mass, hull_drag) = (*hull_mass, *hull_drag);
-        let body = Body { design, rod, water, perimeter, hull_mass, hull_drag };
+        let elements = Elements { design, rod, water, perimeter, hull_mass, hull_drag };
         let (now, work, loads) = (&mut self.now, &mut self.work, Loads::default());
         let (arm, from, to) = (Vec2::zero(), self.pitch, pitch);
-        let mut swing = Swing { body, now, work, from, to, arm, loads, mean: loads };
+        let mut swing = Swing { elements, now, work, from, to, arm, loads, mean: loads };
         let taken = self.solver.step(&mut swing, &mut self.past, R::Mask::splat(true), watch);
         self.loads.take(taken, &swing.mean);
         self.pitch = R::select(taken, pitch, from);
@@ -59,7 +42,7 @@ impl<R: Real> Plant<R> {
 
 /// A fin whose driven edge swings from one pitch to another in a step.
 struct Swing<'a, R> {
-    body: Body<'a, R>,
+    elements: Elements<'a, R>,
     now: &'a mut Instant<R>,
     work: &'a mut Workspace<R>,
     /// Pitch at the start and at the end of the step \[rad\].
@@ -109,7 +92,7 @@ impl<R: Real> System<R> for Swing<'_, R> {
         if stage.end < 1.0 {
             pitch = self.from + R::splat(stage.end) * (self.to - self.from);
         }
-        let design = self.body.design;
+        let design = self.elements.design;
         let (pivot, edge) = (design.geometry.pivot, R::splat(design.geometry.edge_length));
         self.arm = Vec2::new(edge * pitch.cos(), edge * pitch.sin());
         if !design.free_swimming {
@@ -123,22 +106,22 @@ impl<R: Real> System<R> for Swing<'_, R> {
     fn correct(&mut self, stage: &Stage<R>, origin: &Instant<R>, active: R::Mask) -> (R, R::Mask) {
         let rate = stage.rate;
         self.velocities(rate, origin);
-        let Swing { body, now, work, .. } = self;
+        let Swing { elements, now, work, .. } = self;
         let Workspace { residual, matrix, right, border, .. } = &mut **work;
-        body.linearise(origin, rate, &now.x, &now.v, residual, matrix);
+        elements.linearize(origin, rate, &now.x, &now.v, residual, matrix);
         let nodes = now.x.len();
         for i in 0..nodes {
             right[i] = -residual[i];
         }
-        let pivot = body.design.geometry.pivot;
+        let pivot = elements.design.geometry.pivot;
         let driven = pivot + 1;
         let (mut balance, mut slope) = (R::zero(), R::one());
-        if body.design.free_swimming {
+        if elements.design.free_swimming {
             // Residual and derivative of the hull's own balance,
             // M_h dV/dt + drag(V) + (reactions)_x = 0, with V that of the pivot.
             let (speed, earlier) = (now.v[pivot].x, origin.v[pivot].x);
-            let inertia = body.hull_mass * rate;
-            let drag = body.hull_drag * speed.abs();
+            let inertia = elements.hull_mass * rate;
+            let drag = elements.hull_drag * speed.abs();
             balance =
                 inertia * (speed - earlier) + drag * speed + residual[pivot].x + residual[driven].x;
             slope = (inertia + drag + drag) * rate;
@@ -158,7 +141,7 @@ impl<R: Real> System<R> for Swing<'_, R> {
         }
         matrix.factor();
         matrix.solve(right);
-        if body.design.free_swimming {
+        if elements.design.free_swimming {
             matrix.solve(&mut border.column);
             let surge = border.close(slope, -balance, right);
             right[pivot].x = surge;
@@ -182,9 +165,9 @@ impl<R: Real> System<R> for Swing<'_, R> {
     fn complete(&mut self, stage: &Stage<R>, origin: &Instant<R>) -> R::Mask {
         self.velocities(stage.rate, origin);
         let residual = &mut self.work.residual;
-        let mut loads = self.body.balance(origin, stage.rate, self.now, residual);
+        let mut loads = self.elements.balance(origin, stage.rate, self.now, residual);
         // The residual at the two prescribed nodes is the force of the drive.
-        let pivot = self.body.design.geometry.pivot;
+        let pivot = self.elements.design.geometry.pivot;
         let (hold, push) = (residual[pivot], residual[pivot + 1]);
         loads.mount_thrust = hold.x + push.x;
         loads.torque = self.arm.cross(push);

@@ -9,6 +9,7 @@
 pub mod edge;
 pub mod reactive;
 pub mod resistive;
+pub mod term;
 pub mod terms;
 
 use crate::error::{Error, Result};

@@ -12,7 +12,7 @@
 //! nothing else appears. `V` is velocity relative to the water throughout.
 
 use super::edge::{EdgeLinear, EdgeMotion};
-use super::terms::{Kind, Term};
+use super::term::{Kind, Term};
 use crate::lane::Real;
 
 /// The water that moves with an edge: its mass on a unit of length \[kg/m\].

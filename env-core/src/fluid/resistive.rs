@@ -2,7 +2,7 @@
 //! it resist), integrated with three Gauss points over velocities that are linear along the edge.
 
 use super::edge::{EdgeLinear, EdgeMotion};
-use super::terms::{Kind, Term};
+use super::term::{Kind, Term};
 use crate::lane::Real;
 
 /// Places of the three Gauss points on \[0, 1\]: `1/2 -+ sqrt(3/5)/2`.

@@ -2,11 +2,12 @@
 
 use crate::draw::Draw;
 use crate::error::{Error, Result};
-use crate::keywords::{Allowed, Keyword, RANDOMIZE, Reader, whole};
+use crate::given::whole;
+use crate::keywords::{Allowed, Keyword, Parameter, RANDOMIZE, THESIS, THESIS_PRESET, preset};
 use crate::lane::Real;
+use crate::reader::Reader;
 use crate::rod::Uniform;
 use crate::solver::Scheme;
-use crate::spec::Parameter;
 use serde_json::{Map, Value};
 
 /// Which numbers the agent sees.
@@ -158,7 +159,8 @@ pub const KEYWORDS: &[Keyword] = &[
         Allowed::Number(0.0, 1e4),
         "standard deviation of a torque drawn each step",
     ),
-    bare(keyword("thesis", "", "False", Allowed::Flag, "the thesis' parameters, stepper and step")),
+    preset(&[THESIS_PRESET], "the thesis' parameters, stepper and step"),
+    THESIS,
 ];
 
 /// Physics step with Verlet, unless asked otherwise \[s\].
@@ -231,7 +233,7 @@ impl Config {
     /// Unknown keywords, values outside their ranges, a physics step beyond the stepper's limit.
     pub fn new(setup: &Setup, given: &Map<String, Value>) -> Result<Config> {
         let mut reader = Reader::new(given, PARAMETERS, KEYWORDS)?;
-        let thesis = reader.flag("thesis", false)?;
+        let thesis = reader.thesis()?;
         let damped = PARAMETERS[at::BENDING_DAMPING].name;
         let values = reader
             .parameters(PARAMETERS, |p| if thesis && p.name == damped { 0.0 } else { p.default })?;

@@ -15,14 +15,16 @@ pub use sim::BarePendulum;
 
 use crate::batch::Machine;
 use crate::draw::{Draw, exact_parameters};
-use crate::env::{NodeState, Parameter, ResetOptions, Scene, Space};
+use crate::episodes::ResetOptions;
 use crate::error::{Error, Result};
-use crate::keywords::Keyword;
+use crate::keywords::{Keyword, Parameter};
 use crate::lane::{Lanewise, Mask, Real};
 use crate::rod::curvature;
+use crate::scene::{NodeState, Scene};
 use crate::seed::Stream;
 use crate::simulation::Simulation;
 use crate::solver::Scheme;
+use crate::spec::Space;
 use crate::watch::Watch;
 use config::{at, verlet_limit};
 use serde_json::{Map, Value, json};

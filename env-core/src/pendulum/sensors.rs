@@ -2,9 +2,9 @@
 
 use super::config::{Config, Sensors, at};
 use super::plant::Plant;
-use crate::env::Space;
 use crate::lane::{Mask, Real};
 use crate::seed::Stream;
+use crate::spec::Space;
 
 /// Rates are observed in units of this \[rad/s\].
 pub const RATE_UNIT: f64 = 10.0;

@@ -3,11 +3,13 @@
 use super::Linear;
 use super::config::{Config, KEYWORDS, PARAMETERS, Setup, at, uniform};
 use super::plant::Plant;
-use crate::env::NodeState;
 use crate::error::{Error, Result};
-use crate::keywords::{Reader, bare_names, check_names};
+use crate::given::check_names;
+use crate::keywords::bare_names;
 use crate::lane::{Lanewise, Real};
+use crate::reader::Reader;
 use crate::rod::{Energy, Motion, Rod, energy};
+use crate::scene::NodeState;
 use crate::simulation::{Named, Simulation, unknown};
 use crate::snapshot::Numbers;
 use crate::solver::{Constant, Drive, Feedback, Integrator, Scheme};

@@ -111,7 +111,7 @@ fn add<R: Real>(to: &mut Block<R>, other: Block<R>) {
 ///
 /// (An iterator and not a function of a closure: `next` is inlined whatever its size, a closure is not, and
 /// what is not inlined has not the instructions of its caller.)
-pub struct Linearised<'a, R> {
+pub struct Linearized<'a, R> {
     rod: &'a Rod<R>,
     x: &'a [Vec2<R>],
     v: &'a [Vec2<R>],
@@ -126,24 +126,24 @@ pub struct Linearised<'a, R> {
 
 /// Starts the sweep. The base `torque` \[N m\] follows the first edge, with the potential `-T theta_1`.
 #[inline(always)]
-pub fn linearise<'a, R: Real>(
+pub fn linearize<'a, R: Real>(
     rod: &'a Rod<R>,
     x: &'a [Vec2<R>],
     v: &'a [Vec2<R>],
     torque: R,
     rate: R,
-) -> Linearised<'a, R> {
+) -> Linearized<'a, R> {
     let open = OpenEdge { couple: -torque, ..OpenEdge::new(rod, x, v, 0) };
     let shape = Shape { base: open.slope, openness: R::splat(2.0) };
-    Linearised { rod, x, v, rate, node: 0, before: Edge::default(), open, shape }
+    Linearized { rod, x, v, rate, node: 0, before: Edge::default(), open, shape }
 }
 
-impl<R: Real> Iterator for Linearised<'_, R> {
+impl<R: Real> Iterator for Linearized<'_, R> {
     type Item = (Vec2<R>, Hook<R>);
 
     #[inline(always)]
     fn next(&mut self) -> Option<Self::Item> {
-        let Linearised { rod, x, v, rate, node: i, before, open, shape } = self;
+        let Linearized { rod, x, v, rate, node: i, before, open, shape } = self;
         let (i, nodes) = (*i, rod.nodes());
         if i == nodes {
             return None;
@@ -180,7 +180,7 @@ impl<R: Real> Iterator for Linearised<'_, R> {
     }
 }
 
-/// Adds the matrix of `linearise` to `matrix`. Rows and columns 2i, 2i+1 belong to node `first + i`; nodes before
+/// Adds the matrix of `linearize` to `matrix`. Rows and columns 2i, 2i+1 belong to node `first + i`; nodes before
 /// `first` are held.
 #[inline(always)]
 pub fn add_stiffness<R: Real>(
@@ -192,7 +192,7 @@ pub fn add_stiffness<R: Real>(
     first: usize,
     matrix: &mut Banded<R>,
 ) {
-    let mut sweep = linearise(rod, x, v, torque, rate);
+    let mut sweep = linearize(rod, x, v, torque, rate);
     // (No `enumerate`: its `next` is not always inlined, and so would not be this sweep.)
     for i in 0..rod.nodes() {
         let Some((_, hook)) = sweep.next() else { break };

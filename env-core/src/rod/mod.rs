@@ -11,7 +11,7 @@ mod linear;
 
 pub use energy::{Energy, curvature, energy};
 pub use forces::{Shape, forces};
-pub use linear::{Linearised, add_stiffness, linearise};
+pub use linear::{Linearized, add_stiffness, linearize};
 
 use crate::lane::Real;
 use crate::lanewise;

@@ -7,7 +7,7 @@
 use super::{Drive, FOLDED, Stage, System};
 use crate::lane::Real;
 use crate::linear::{Ascent, Block, Border, Descent, Front};
-use crate::rod::{Motion, Rod, Shape, linearise};
+use crate::rod::{Motion, Rod, Shape, linearize};
 use crate::vec2::Vec2;
 
 /// A stage has converged when what remains is below this share of the rod's length. Convergence is quadratic: after a
@@ -123,7 +123,7 @@ impl<R: Real, D: Drive<R>> System<R> for Pinned<'_, R, D> {
     }
 }
 
-/// One sweep down the rod: linearises about (x, v) and eliminates node by node. The right-hand side is the force
+/// One sweep down the rod: linearizes about (x, v) and eliminates node by node. The right-hand side is the force
 /// that a stage which starts from `origin` lacks; without one, the force of a unit torque at the base.
 #[inline(always)]
 fn reduce<R: Real>(
@@ -136,7 +136,7 @@ fn reduce<R: Real>(
     rows: &mut [Row<R>],
 ) -> Shape<R> {
     let (mut front, mut descent) = (Front::default(), Descent::default());
-    let mut sweep = linearise(rod, x, v, torque, rate);
+    let mut sweep = linearize(rod, x, v, torque, rate);
     // The first node is pinned.
     sweep.next();
     for i in 1..rod.nodes() {

@@ -10,8 +10,9 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
+from rodgym import machines
 from rodgym._native import __version__
-from rodgym._registration import ENVIRONMENTS, register_all
+from rodgym._registration import ENVIRONMENTS
 from rodgym.errors import RodgymError
 
 __all__ = ["ENVIRONMENTS", "RodgymError", "__version__"]
@@ -20,7 +21,7 @@ _SUBMODULES = frozenset(
     {"baselines", "envs", "errors", "machines", "ray", "remote", "sb3", "sim", "vector"}
 )
 
-register_all()
+machines.register_environments()
 
 
 def __getattr__(name: str) -> Any:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import gymnasium as gym
 
-from rodgym import _native, machines
+from rodgym import _native
 
 
 @dataclass(frozen=True)
@@ -18,12 +19,9 @@ class Entry:
     task: str
     max_episode_steps: int
     #: Return at which the task counts as solved; None where no single number says so.
-    reward_threshold: float | None = None
-
-    @property
-    def entry_point(self) -> str:
-        """Class of a single environment, `module:name`."""
-        return machines.of({"machine": self.machine}).environment
+    reward_threshold: float | None
+    #: Class of a single environment, `module:name`.
+    entry_point: str
 
 
 #: Every row of the catalogue, by id.
@@ -33,10 +31,15 @@ ENVIRONMENTS: dict[str, Entry] = {}
 REMOTE = "rodgym/Remote-v0"
 
 
-def register_all() -> None:
-    """Registers every row of the catalogue; again, where its machine has been described since."""
+def register_all(environment: Callable[[str], str]) -> None:
+    """Registers every row of the catalogue; again, where its machine has been described since.
+
+    Args:
+        environment: the class of a machine's single environment, `module:name`.
+    """
     for row in _native.catalog():
-        entry = ENVIRONMENTS[row["id"]] = Entry(**row)
+        entry = Entry(**row, entry_point=environment(row["machine"]))
+        ENVIRONMENTS[entry.id] = entry
         known = gym.registry.get(entry.id)
         if known is None or known.entry_point != entry.entry_point:
             gym.registry.pop(entry.id, None)

@@ -2,10 +2,10 @@
 
 use super::cost;
 use crate::batch::Task;
-use crate::env::Scene;
 use crate::fin::sensors::{BOUND, THRUST_UNIT, observed};
-use crate::fin::{Fin, Rig, Setup};
+use crate::fin::{Fin, Plant, Setup};
 use crate::lane::{Mask, Real};
+use crate::scene::Scene;
 use serde_json::json;
 
 /// Relative error of the thrust at which the tracking term is a half.
@@ -34,27 +34,28 @@ impl Task for Efficiency {
     }
 
     #[inline(always)]
-    fn score<R: Real>(&self, fin: &Fin, rig: &Rig<R>, terms: &mut [R]) -> R::Mask {
-        let relative = (rig.smooth_thrust - rig.demand) / (R::splat(TRACKING_WIDTH) * rig.demand);
+    fn score<R: Real>(&self, fin: &Fin, plant: &Plant<R>, terms: &mut [R]) -> R::Mask {
+        let relative =
+            (plant.smooth_thrust - plant.demand) / (R::splat(TRACKING_WIDTH) * plant.demand);
         let relative = relative.clip(-1e100, 1e100);
         terms[0] = R::one() / (R::one() + relative * relative);
-        terms[1] = -cost(fin, rig, R::splat(2.0 * POWER_PER_THRUST) * rig.demand);
+        terms[1] = -cost(fin, plant, R::splat(2.0 * POWER_PER_THRUST) * plant.demand);
         R::Mask::splat(false)
     }
 
     #[inline(always)]
-    fn metrics<R: Real>(&self, _: &Fin, rig: &Rig<R>, metrics: &mut [R]) {
-        metrics[0] = rig.demand;
-        metrics[1] = rig.smooth_thrust;
+    fn metrics<R: Real>(&self, _: &Fin, plant: &Plant<R>, metrics: &mut [R]) {
+        metrics[0] = plant.demand;
+        metrics[1] = plant.smooth_thrust;
     }
 
     #[inline(always)]
-    fn observe<R: Real>(&self, rig: &Rig<R>, observation: &mut [R]) {
-        observation[0] = observed(rig.demand, THRUST_UNIT);
-        observation[1] = observed(rig.smooth_thrust, THRUST_UNIT);
+    fn observe<R: Real>(&self, plant: &Plant<R>, observation: &mut [R]) {
+        observation[0] = observed(plant.demand, THRUST_UNIT);
+        observation[1] = observed(plant.smooth_thrust, THRUST_UNIT);
     }
 
-    fn scene<R: Real>(&self, rig: &Rig<R>, lane: usize, scene: &mut Scene) {
-        scene.values.insert("demand".into(), json!(rig.demand.get(lane)));
+    fn scene<R: Real>(&self, plant: &Plant<R>, lane: usize, scene: &mut Scene) {
+        scene.values.insert("demand".into(), json!(plant.demand.get(lane)));
     }
 }

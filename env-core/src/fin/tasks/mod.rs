@@ -9,7 +9,7 @@ pub use efficiency::{DEMAND, Efficiency};
 pub use swim::Swim;
 pub use thrust::Thrust;
 
-use super::{Fin, Rig};
+use super::{Fin, Plant};
 use crate::lane::Real;
 
 /// Most that thrust or speed earns, or a step backwards costs. No fin comes near it, so that in practice the
@@ -28,7 +28,7 @@ fn earning<R: Real>(x: R, scale: f64) -> R {
 
 /// What power costs: 1 at `scale` \[W\].
 #[inline(always)]
-fn cost<R: Real>(fin: &Fin, rig: &Rig<R>, scale: R) -> R {
-    let weighted = rig.mean.positive_power * R::splat(fin.config().power_weight);
+fn cost<R: Real>(fin: &Fin, plant: &Plant<R>, scale: R) -> R {
+    let weighted = plant.mean.positive_power * R::splat(fin.config().power_weight);
     (weighted / scale).min(R::splat(COST_BOUND))
 }

@@ -2,10 +2,10 @@
 
 use super::{cost, earning};
 use crate::batch::Task;
-use crate::env::Scene;
 use crate::fin::sensors::{BOUND, observed};
-use crate::fin::{Fin, Rig, Setup};
+use crate::fin::{Fin, Plant, Setup};
 use crate::lane::{Mask, Real};
+use crate::scene::Scene;
 use serde_json::json;
 
 /// Speed that earns 1 \[m/s\].
@@ -34,30 +34,30 @@ impl Task for Swim {
     }
 
     #[inline(always)]
-    fn score<R: Real>(&self, fin: &Fin, rig: &Rig<R>, terms: &mut [R]) -> R::Mask {
-        terms[0] = earning(rig.speed, SPEED_SCALE);
-        terms[1] = -cost(fin, rig, R::splat(POWER_SCALE));
+    fn score<R: Real>(&self, fin: &Fin, plant: &Plant<R>, terms: &mut [R]) -> R::Mask {
+        terms[0] = earning(plant.speed, SPEED_SCALE);
+        terms[1] = -cost(fin, plant, R::splat(POWER_SCALE));
         R::Mask::splat(false)
     }
 
     #[inline(always)]
-    fn metrics<R: Real>(&self, _: &Fin, rig: &Rig<R>, metrics: &mut [R]) {
-        let mut mass = rig.fin.hull_mass;
-        for &node in &rig.fin.rod.mass {
+    fn metrics<R: Real>(&self, _: &Fin, plant: &Plant<R>, metrics: &mut [R]) {
+        let mut mass = plant.body.hull_mass;
+        for &node in &plant.body.rod.mass {
             mass += node;
         }
-        metrics[0] = rig.speed;
-        metrics[1] = rig.mean.positive_power / (mass * R::splat(GRAVITY) * rig.slow_flow());
+        metrics[0] = plant.speed;
+        metrics[1] = plant.mean.positive_power / (mass * R::splat(GRAVITY) * plant.slow_flow());
     }
 
     #[inline(always)]
-    fn observe<R: Real>(&self, rig: &Rig<R>, observation: &mut [R]) {
-        observation[0] = observed(rig.speed, SPEED_UNIT);
+    fn observe<R: Real>(&self, plant: &Plant<R>, observation: &mut [R]) {
+        observation[0] = observed(plant.speed, SPEED_UNIT);
     }
 
-    fn scene<R: Real>(&self, rig: &Rig<R>, lane: usize, scene: &mut Scene) {
-        let pivot = rig.fin.design.geometry.pivot;
-        scene.values.insert("hull_position".into(), json!(rig.fin.now.x[pivot].x.get(lane)));
-        scene.values.insert("hull_speed".into(), json!(rig.speed.get(lane)));
+    fn scene<R: Real>(&self, plant: &Plant<R>, lane: usize, scene: &mut Scene) {
+        let pivot = plant.body.design.geometry.pivot;
+        scene.values.insert("hull_position".into(), json!(plant.body.now.x[pivot].x.get(lane)));
+        scene.values.insert("hull_speed".into(), json!(plant.speed.get(lane)));
     }
 }

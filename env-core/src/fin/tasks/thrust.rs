@@ -2,7 +2,7 @@
 
 use super::{cost, earning};
 use crate::batch::Task;
-use crate::fin::{Fin, Rig, Setup};
+use crate::fin::{Fin, Plant, Setup};
 use crate::lane::{Mask, Real};
 
 /// Thrust that earns 1 \[N\].
@@ -29,9 +29,9 @@ impl Task for Thrust {
     }
 
     #[inline(always)]
-    fn score<R: Real>(&self, fin: &Fin, rig: &Rig<R>, terms: &mut [R]) -> R::Mask {
-        terms[0] = earning(rig.mean.shed_thrust, THRUST_SCALE);
-        terms[1] = -cost(fin, rig, R::splat(POWER_SCALE));
+    fn score<R: Real>(&self, fin: &Fin, plant: &Plant<R>, terms: &mut [R]) -> R::Mask {
+        terms[0] = earning(plant.mean.shed_thrust, THRUST_SCALE);
+        terms[1] = -cost(fin, plant, R::splat(POWER_SCALE));
         R::Mask::splat(false)
     }
 }

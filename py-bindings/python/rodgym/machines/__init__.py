@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from rodgym._checks import refused
+from rodgym._registration import register_all
 from rodgym.errors import ParameterError
 from rodgym.machines import fin, pendulum
 from rodgym.machines.description import Column, Description, Picture, Task, Trace
@@ -25,6 +26,7 @@ __all__ = [
     "load",
     "of",
     "register",
+    "register_environments",
     "spec_of",
 ]
 
@@ -81,6 +83,9 @@ def register(about: Description) -> None:
     if both := sorted(taken & {about.machine, about.word}):
         raise ParameterError(f"machine {both[0]!r} is not allowed: it is described already")
     _KNOWN[about.machine] = about
-    from rodgym._registration import register_all
+    register_environments()
 
-    register_all()
+
+def register_environments() -> None:
+    """Registers the core's catalogue with Gymnasium, each row with its machine's environment."""
+    register_all(lambda machine: of({"machine": machine}).environment)

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import NullFormatter, NullLocator
 
-from rodgym.evaluation import Evaluation, Record
 from rodgym.report.style import COLOURS, styled
+
+if TYPE_CHECKING:
+    from rodgym.evaluation import Evaluation, Record
 
 #: Seconds at the end of the episode that are drawn: a few strokes (`fin.GAITS` says so).
 SECONDS = 1.2

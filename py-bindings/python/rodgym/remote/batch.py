@@ -13,13 +13,12 @@ import numpy.typing as npt
 
 from rodgym import _checks as checks
 from rodgym import _native
-from rodgym._machine import plain
 from rodgym.errors import ParameterError, ResetNeededError, ShapeError
 from rodgym.remote.address import Address
 from rodgym.remote.connection import Connection
 from rodgym.remote.errors import RemoteError
 from rodgym.remote.session import Session, in_parts
-from rodgym.remote.wire import Arrays, Reply, damaged, reading
+from rodgym.remote.wire import Arrays, Reply, damaged, reading, split_lists
 
 #: Longest list of numbers that travels in a header.
 IN_HEADER = 16
@@ -59,10 +58,12 @@ class RemoteBatch(Session):
         self._arguments = (
             address, recover, env_id, num_envs, kwargs, autoreset_mode, max_episode_steps,
         )  # fmt: skip
+        # Checked by the code that checks them locally: JSON would turn some into other values.
+        kwargs, lists = split_lists(_native.plain_values(kwargs))
         about = {
             "id": env_id,
             "num_envs": num_envs,
-            "kwargs": plain(kwargs),
+            "kwargs": kwargs,
             "autoreset_mode": autoreset_mode,
             # One call at a time needs one remembered reply; a second costs little.
             "window": 2,
@@ -70,7 +71,7 @@ class RemoteBatch(Session):
         if max_episode_steps is not None:
             about["max_episode_steps"] = None if max_episode_steps == -1 else max_episode_steps
         self._gallery = _native.Gallery()
-        super().__init__(Connection(address), about, recover == "restart")
+        super().__init__(Connection(address), about, lists, recover == "restart")
 
     @property
     def num_threads(self) -> int:
@@ -172,7 +173,7 @@ class RemoteBatch(Session):
     def set_states(self, first: int, states: list[bytes]) -> None:
         """Puts snapshots in place from `first` on, in as few requests as fit."""
         with self._turn:
-            for call in in_parts(first, states):
+            for call in in_parts(first, states, self.message_bytes):
                 self._change(*call, lambda reply: None)
 
     def configure(
@@ -210,7 +211,7 @@ class RemoteBatch(Session):
 
     def simulation(self, index: int) -> _native.Simulation:
         """An exact copy, here, of what runs in environment `index`."""
-        twin = _native.Batch(self.spec["id"], 1, self._about["kwargs"], "Disabled", None, 1)
+        twin = _native.Batch(self.spec["id"], 1, self._arguments[4], "Disabled", None, 1)
         twin.set_state(0, self.get_state(index))
         return twin.simulation(0)
 
@@ -289,7 +290,7 @@ class RemoteBatch(Session):
 
 def _split_state(options: dict[str, Any], arrays: Arrays) -> tuple[dict[str, Any], Arrays]:
     """Exact starts travel as arrays: those of long rods do not fit into a header."""
-    options = plain(options)
+    options = _native.plain_values(options)
     state = options.get("state")
     if isinstance(state, dict) and state:
         options = {key: value for key, value in options.items() if key != "state"}

@@ -29,8 +29,12 @@ from rodgym.remote.wire import Arrays, Reply, damaged, reading
 SNAPSHOT_EVERY = 100
 #: Sessions made for one call before giving up: the call itself may be what breaks the server.
 RECOVERIES = 3
-#: Bytes of snapshots in one request.
+#: Bytes of snapshots in one request, at most; less where the server takes less.
 SNAPSHOT_BYTES = 8 << 20
+#: Bytes of a request beside its snapshots.
+HEADER_BYTES = 4096
+#: Bytes of a request that a server takes that does not say.
+MESSAGE_BYTES = 16 << 20
 
 Result = TypeVar("Result")
 
@@ -72,16 +76,20 @@ class Session:
     Arguments:
         connection: to the server.
         about: parameters of the operation `make`.
+        lists: its arrays.
         recover: makes another session, from our last snapshot, when this one is gone, and repeats
             the calls since. Environments are deterministic, so the trajectory goes on as if nothing
             had happened.
     """
 
-    def __init__(self, connection: Connection, about: dict[str, Any], recover: bool) -> None:
+    def __init__(
+        self, connection: Connection, about: dict[str, Any], lists: Arrays, recover: bool
+    ) -> None:
         self.connection = connection
         #: Sessions made after the first.
         self.recoveries = 0
         self._about = about
+        self._lists = lists
         self._recover = recover
         self._lock = threading.RLock()
         #: Sessions to give back when this object is forgotten: ours, and half restored ones.
@@ -113,6 +121,10 @@ class Session:
         self.num_envs: int = made.p["num_envs"]
         self.autoreset_mode: str = made.p["autoreset_mode"]
         self.max_episode_steps: int | None = made.p["max_episode_steps"]
+        #: Bytes of a request that the server takes.
+        self.message_bytes: int = made.p.get("message_bytes", MESSAGE_BYTES)
+        if not isinstance(self.message_bytes, int) or self.message_bytes <= HEADER_BYTES:
+            raise ValueError(f"message_bytes = {self.message_bytes!r}")
         if self.num_envs != self._about["num_envs"]:
             raise ValueError(f"num_envs = {self.num_envs!r}")
 
@@ -241,7 +253,8 @@ class Session:
         """A new session in the state of the lost one; until it is there the lost one stays ours."""
         lost = self._open()
         fresh = lost._replace(sid=self._make().p["sid"], seq=0)
-        calls = () if lost.snapshot is None else in_parts(0, lost.snapshot)
+        snapshot = lost.snapshot or ()
+        calls = in_parts(0, snapshot, self.message_bytes)
         for call in (*calls, *lost.since):
             reply = self._number(fresh, call)
             if not reply.ok:
@@ -251,7 +264,8 @@ class Session:
         self._held[:] = [fresh.sid]
 
     def _make(self) -> Reply:
-        reply = self.connection.request("make", p={**self._about, "nonce": secrets.token_hex(16)})
+        about = {**self._about, "nonce": secrets.token_hex(16)}
+        reply = self.connection.request("make", p=about, arrays=self._lists)
         sid = reply.p.get("sid")
         if not isinstance(sid, str):
             raise damaged(f"sid = {sid!r}")
@@ -270,15 +284,26 @@ class Session:
             )
 
 
-def in_parts(first: int, states: Sequence[bytes]) -> Iterator[Call]:
-    """Calls that put snapshots in place from `first` on; each takes all of its own or none."""
-    done = 0
+def in_parts(first: int, states: Sequence[bytes], message_bytes: int) -> Iterator[Call]:
+    """Calls that put snapshots in place from `first` on; each takes all of its own or none.
+
+    Raises:
+        RemoteError: a snapshot that no request has room for.
+    """
+    room, done = min(SNAPSHOT_BYTES, message_bytes - HEADER_BYTES), 0
+    for state in states:
+        if len(state) + 4 > message_bytes - HEADER_BYTES:
+            raise RemoteError(
+                f"a snapshot of {len(state)} bytes does not fit into a request: "
+                f"this server takes {message_bytes} bytes",
+                "limit",
+            )
     while done < len(states):
         count, total = 0, 0
         for state in states[done:]:
-            if count and total + len(state) > SNAPSHOT_BYTES:
+            if count and total + len(state) + 4 > room:
                 break
-            count, total = count + 1, total + len(state)
+            count, total = count + 1, total + len(state) + 4
         part = states[done : done + count]
         sizes = np.array([len(state) for state in part], dtype=np.uint32)
         data = np.frombuffer(b"".join(part), dtype=np.uint8)

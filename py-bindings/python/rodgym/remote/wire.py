@@ -15,6 +15,9 @@ from rodgym.remote.errors import RemoteError
 #: The protocol version that this client speaks.
 VERSION = 1
 
+#: Lists of so many numbers travel as arrays.
+LONG = 16
+
 Arrays = dict[str, npt.NDArray[Any]]
 
 _DTYPES = {text: np.dtype(text) for text in ("<f4", "<f8", "<u4", "<u8", "|u1", "|b1")}
@@ -71,6 +74,28 @@ def reading() -> Iterator[None]:
         yield
     except (LookupError, ValueError, TypeError, AttributeError, OverflowError) as error:
         raise damaged(repr(error)) from error
+
+
+def split_lists(values: dict[str, Any], path: str = "kwargs:") -> tuple[dict[str, Any], Arrays]:
+    """Keywords without their long lists of numbers, and these as arrays: a header is short.
+
+    A dot leads into a dictionary: `kwargs:geometry.widths`.
+    """
+    rest: dict[str, Any] = {}
+    arrays: Arrays = {}
+    for name, value in values.items():
+        if isinstance(value, dict):
+            rest[name], inner = split_lists(value, f"{path}{name}.")
+            arrays |= inner
+        elif isinstance(value, list) and len(value) >= LONG and _numbers(value):
+            arrays[path + name] = np.array(value, dtype=np.float64)
+        else:
+            rest[name] = value
+    return rest, arrays
+
+
+def _numbers(values: list[Any]) -> bool:
+    return all(isinstance(value, int | float) and not isinstance(value, bool) for value in values)
 
 
 def pack(
