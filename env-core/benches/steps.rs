@@ -9,6 +9,7 @@ use rodgym_core::env::{AutoresetMode, ResetOptions, Seeds, StepBuffer};
 use rodgym_core::isa::{ForLanes, Isa, Kernel, dispatch, with_lanes};
 use rodgym_core::lane::Real;
 use rodgym_core::pendulum::{Pendulum, Plant, Setup};
+use rodgym_core::watch::Watch;
 use serde_json::{Map, Value, json};
 use std::hint::black_box;
 
@@ -36,7 +37,7 @@ impl<R: Real> Kernel for Bare<'_, R> {
     #[inline(always)]
     fn run(self) {
         let action = R::from_fn(|lane| [0.1, -0.3, 0.5, -0.7, 0.9, -0.2, 0.4, 0.0][lane]);
-        black_box(self.0.control_step(self.1.config(), action, R::zero()));
+        black_box(self.0.control_step(self.1.config(), action, R::zero(), Watch::nobody()));
     }
 }
 

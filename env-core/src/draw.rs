@@ -2,12 +2,13 @@
 
 use crate::error::{Error, Result};
 use crate::given::{check_names, number};
-use crate::keywords::Parameter;
+use crate::keywords::{Parameter, RANDOMIZE};
 use crate::seed::Stream;
+use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 /// How a parameter is drawn for an episode.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Draw {
     /// Always the same.
     Fixed(f64),
@@ -47,16 +48,39 @@ impl Draw {
     ) -> Result<Vec<Draw>> {
         let mut draws: Vec<Draw> = values.iter().map(|&value| Draw::Fixed(value)).collect();
         let Some(value) = randomize else { return Ok(draws) };
-        let allowed = "a dictionary such as {'width': (0.006, 0.009)}";
-        let map = value.as_object().ok_or_else(|| Error::parameter("randomize", value, allowed))?;
-        let known: Vec<&str> = table.iter().map(|p| p.name).collect();
-        check_names(map, &known)?;
-        for (draw, parameter) in draws.iter_mut().zip(table) {
-            if let Some(value) = map.get(parameter.name) {
-                *draw = Draw::read(parameter, value)?;
-            }
+        for (i, draw) in Draw::ranges(value, table)? {
+            draws[i] = draw;
         }
         Ok(draws)
+    }
+
+    /// The ranges of a `randomize`, with the places of their parameters in the table.
+    ///
+    /// # Errors
+    /// Those of `table`.
+    pub fn ranges(randomize: &Value, table: &[Parameter]) -> Result<Vec<(usize, Draw)>> {
+        let refuse = || Error::parameter(RANDOMIZE.name, randomize, RANDOMIZE.allowed.text());
+        let map = randomize.as_object().ok_or_else(refuse)?;
+        let known: Vec<&str> = table.iter().map(|p| p.name).collect();
+        check_names(map, &known)?;
+        let given = table.iter().enumerate().filter_map(|(i, p)| Some((i, p, map.get(p.name)?)));
+        given.map(|(i, p, value)| Ok((i, Draw::read(p, value)?))).collect()
+    }
+
+    /// Refuses draws that no keywords make.
+    ///
+    /// # Errors
+    /// Not one for each parameter, or beyond its range.
+    pub fn check(draws: &[Draw], table: &[Parameter]) -> Result<()> {
+        let fits = |(draw, parameter): (&Draw, &Parameter)| {
+            let (low, high) = draw.bounds();
+            let positive = !matches!(draw, Draw::LogUniform(..)) || low > 0.0;
+            parameter.low <= low && low <= high && high <= parameter.high && positive
+        };
+        if draws.len() == table.len() && draws.iter().zip(table).all(fits) {
+            return Ok(());
+        }
+        Err(Error::snapshot("it draws parameters from beyond their ranges"))
     }
 
     fn read(parameter: &Parameter, value: &Value) -> Result<Draw> {

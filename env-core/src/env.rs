@@ -5,10 +5,31 @@ pub use crate::episodes::{AutoresetMode, ResetOptions, Seeds};
 pub use crate::keywords::Parameter;
 pub use crate::results::{StepBuffer, StepData};
 pub use crate::scene::{NodeState, Scene};
+pub use crate::settings::Settings;
 pub use crate::spec::{Space, Spec};
 
 use crate::error::Result;
 use crate::simulation::Simulation;
+use std::any::Any;
+use std::ops::Range;
+use std::sync::atomic::AtomicBool;
+
+/// What `LongStep::save` gives.
+pub type Saved = Box<dyn Any + Send>;
+
+/// A batch whose step can be stopped, and is then as if it had never been made.
+pub trait LongStep: Send {
+    /// All that a step changes.
+    fn save(&self) -> Saved;
+    /// Puts back what `save` gave.
+    fn restore(&mut self, saved: Saved);
+    /// The same as `VectorEnv::step`. Once `stop` is set it ends soon, and what it has done means nothing: `restore`
+    /// what was saved before.
+    ///
+    /// # Errors
+    /// Those of `VectorEnv::step`.
+    fn step_unless(&mut self, actions: &[f32], out: StepData<'_>, stop: &AtomicBool) -> Result<()>;
+}
 
 /// Many environments stepped together. Object safe: made by `catalog::make`.
 pub trait VectorEnv: Send {
@@ -43,6 +64,18 @@ pub trait VectorEnv: Send {
     /// # Errors
     /// Wrong length, an action that is not finite, a needed reset; nothing changes then.
     fn step(&mut self, actions: &[f32], out: StepData<'_>) -> Result<()>;
+
+    /// Changes how the parameters of environments `range` are drawn, from the next episode of each; until then nothing
+    /// changes. Snapshots keep it.
+    ///
+    /// # Errors
+    /// Environments beyond the batch, names, values or ranges that are not allowed; nothing changes then.
+    fn configure(&mut self, range: Range<usize>, settings: &Settings) -> Result<()>;
+
+    /// How to take the next step where it may take so long that somebody could want to stop it; `None`: by `step`.
+    fn long_step(&mut self) -> Option<&mut dyn LongStep> {
+        None
+    }
 
     /// Everything about environment `index`: physics, random stream, clock, as versioned bytes.
     fn get_state(&self, index: usize) -> Result<Vec<u8>>;

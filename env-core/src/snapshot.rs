@@ -3,13 +3,14 @@
 //! Layout, little-endian: `RODGYM`, version (u16), fingerprint of the environment's id and configuration (u32),
 //! length of the payload (u32), payload (postcard), CRC-32 of all before it.
 
+use crate::draw::Draw;
 use crate::error::{Error, Result};
 use crate::seed::Stream;
 use crate::spec::Spec;
 use serde::{Deserialize, Serialize};
 
 const MAGIC: &[u8; 6] = b"RODGYM";
-const VERSION: u16 = 3;
+const VERSION: u16 = 4;
 const HEADER: usize = 6 + 2 + 4 + 4;
 
 /// Everything that the future of one environment depends on.
@@ -31,6 +32,8 @@ pub struct Snapshot {
     pub reward: f64,
     /// Last action.
     pub action: Vec<f64>,
+    /// How parameters are drawn, where a user has set that since the environment was made.
+    pub draws: Option<Vec<Draw>>,
     /// Last observation.
     pub observation: Vec<f32>,
 }
@@ -50,11 +53,14 @@ pub trait Numbers: Clone {
     /// Puts numbers in place that a machine of the same keywords had.
     ///
     /// # Errors
-    /// Not as many as this machine has; nothing changes then.
+    /// Not as many as this machine has, or one that is not finite; nothing changes then.
     fn set_numbers(&mut self, numbers: &[f64]) -> Result<()> {
         let (got, wanted) = (numbers.len(), self.numbers().len());
         if got != wanted {
             return Err(Error::snapshot(format!("{got} numbers, but {wanted} are needed")));
+        }
+        if let Some(odd) = numbers.iter().find(|number| !number.is_finite()) {
+            return Err(Error::snapshot(format!("it holds {odd}, which is not finite")));
         }
         let mut next = numbers.iter();
         self.visit(&mut |x| *x = *next.next().expect("counted above"));

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::Duration;
 
 /// Operations of the protocol, for counters.
-pub const OPS: [&str; 15] = [
+pub const OPS: [&str; 16] = [
     "hello",
     "list",
     "make",
@@ -14,6 +14,7 @@ pub const OPS: [&str; 15] = [
     "step",
     "get_state",
     "set_state",
+    "set_parameters",
     "observe",
     "nodes",
     "render",

@@ -5,7 +5,7 @@ use crate::memory::Charge;
 use crate::shared::Place;
 use crate::window::Window;
 use crate::wire::{self, ArrayHeader, Arrays, Frame};
-use rodgym_core::env::{AutoresetMode, ResetOptions, Seeds, StepBuffer, VectorEnv};
+use rodgym_core::env::{AutoresetMode, ResetOptions, Seeds, Settings, StepBuffer, VectorEnv};
 use serde_json::{Map, Value, json};
 use std::time::Duration;
 
@@ -237,6 +237,29 @@ impl Session {
             before.push(old);
         }
         self.observe(&place)
+    }
+
+    /// Changes how the parameters of environments `first` to `first + count` are drawn, from the next episode of each:
+    /// `parameters`, of which those with a value for each environment may be arrays `parameters:NAME` <f8 (count), and
+    /// `randomize`.
+    ///
+    /// # Errors
+    /// What cannot be read, and what the environment refuses; nothing changes then.
+    pub fn set_parameters(
+        &mut self,
+        p: &Map<String, Value>,
+        arrays: &Arrays,
+    ) -> Result<Answer, Refusal> {
+        let range = self.range(p)?;
+        let mut parameters: Map<String, Value> = field(p, "parameters")?;
+        for (name, value) in lists_from_arrays(arrays, "parameters:")? {
+            if parameters.insert(name.clone(), value).is_some() {
+                return Err(bad(format!("'{name}' is given in 'parameters' and as an array")));
+            }
+        }
+        let randomize = field(p, "randomize")?;
+        self.env.configure(range, &Settings { parameters, randomize })?;
+        Ok(Answer::default())
     }
 
     /// The last observations and the parameters in force of environments `first` to

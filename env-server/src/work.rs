@@ -173,6 +173,7 @@ fn change(
     let answer = match header.op.as_str() {
         "reset" => session.reset(&header.p, &arrays)?,
         "set_state" => session.set_state(&header.p, &arrays)?,
+        "set_parameters" => session.set_parameters(&header.p, &arrays)?,
         _ => {
             let start = Instant::now();
             let answer = session.step(&arrays)?;

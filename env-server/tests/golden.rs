@@ -107,6 +107,27 @@ fn record() -> String {
     exchange(&mut desk, "close", r.clone());
     desk.now = Duration::from_secs(1);
     exchange(&mut desk, "a session that is gone", r);
+    let nonce = "fedcba9876543210".repeat(2);
+    let p = json!({"id": "test/Counter-v0", "num_envs": 2, "nonce": nonce});
+    let r = desk.request("make", None, None, p, none);
+    let reply = exchange(&mut desk, "make another session", r);
+    let sid = wire::decode_reply(&reply[0]).expect("our own").p["sid"]
+        .as_str()
+        .expect("text")
+        .to_string();
+    let sid = Some(sid.as_str());
+    let p = json!({"parameters": {"seed": 7.5}});
+    let r = desk.request("set_parameters", sid, Some(1), p, none);
+    exchange(&mut desk, "a parameter of all environments, from their next episodes", r);
+    let each = [wire::array("parameters:seed", &[1], &[8.25])];
+    let p = json!({"first": 1, "count": 1});
+    let r = desk.request("set_parameters", sid, Some(2), p, &each);
+    exchange(&mut desk, "one of the second environment, as an array", r);
+    let r = desk.request("reset", sid, Some(3), json!({"seed": 1}), none);
+    exchange(&mut desk, "the next episodes have them", r);
+    let p = json!({"randomize": {"width": [0.006, 0.009]}});
+    let r = desk.request("set_parameters", sid, Some(4), p, none);
+    exchange(&mut desk, "a range of a parameter that is not there", r);
     lines
 }
 

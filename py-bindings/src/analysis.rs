@@ -9,6 +9,7 @@ use pyo3::types::PyDict;
 use rodgym_baselines::pendulum::{
     RodDesign, buckling_width, discrete_buckling_width, reach, upright as linear_model,
 };
+use rodgym_caught::caught;
 
 /// Adds this file's functions to the module.
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
@@ -21,6 +22,7 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 /// `rod`: keywords of the rod; the others keep their defaults. Returns `states`, `controllable` and
 /// `observable` (ranks), `hankel` (values, largest first), `distance` to the nearest uncontrollable
 /// system, `buckling_width` of the continuous and `discrete_buckling_width` of the discrete rod [m].
+#[caught]
 #[pyfunction]
 fn analyse<'py>(py: Python<'py>, rod: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyDict>> {
     let design = RodDesign::from_keywords(&keywords(rod)?).map_err(raise_baseline)?;
@@ -43,6 +45,7 @@ type Matrix<'py> = Bound<'py, PyArray2<f64>>;
 ///
 /// `rod`: keywords of the rod; the others keep their defaults. z: angles of the n edges from up [rad],
 /// then their rates [rad/s]; T: base torque [N m]; y: base angle and rate.
+#[caught]
 #[pyfunction]
 fn upright<'py>(
     py: Python<'py>,

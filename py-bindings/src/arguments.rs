@@ -1,10 +1,11 @@
 //! Arguments as Python gives them: counts, seeds, reset options, actions.
 
+use crate::arrays;
 use crate::convert::to_map;
 use crate::errors::to_py;
-use numpy::{PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use numpy::{Ix1, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::{PyBool, PyDict, PyInt, PyString};
+use pyo3::types::{PyBool, PyBytes, PyDict, PyInt, PyString};
 use rodgym_core::Error;
 use rodgym_core::batch::{MAX_ENVS, MAX_THREADS};
 use rodgym_core::env::{ResetOptions, Seeds};
@@ -22,13 +23,13 @@ impl<'py> Actions<'py> {
     /// # Errors
     /// Another shape, or something that is not numbers.
     pub fn read(actions: &Bound<'py, PyAny>, expected: &[usize]) -> PyResult<Self> {
-        let read = match actions.extract() {
-            Ok(array) => Actions::Single(array),
-            Err(_) => {
+        let read = match arrays::as_is(actions) {
+            Some(array) => Actions::Single(array),
+            None => {
                 // What numbers are is said once, for a server's environments too.
                 let checks = actions.py().import("rodgym._checks")?;
                 let array = checks.call_method1("actions", (actions,))?;
-                Actions::Double(array.call_method1("astype", ("float64",))?.extract()?)
+                Actions::Double(arrays::read("actions", &array)?)
             }
         };
         if read.shape() == expected {
@@ -65,9 +66,29 @@ impl<'py> Actions<'py> {
     }
 }
 
-/// A value as Python shows it: strings in quotes.
-fn repr(value: &Bound<'_, PyAny>) -> String {
-    value.repr().map_or_else(|_| "?".to_owned(), |text| text.to_string())
+/// A value as Python shows it: strings in quotes; long ones are cut.
+pub fn repr(value: &Bound<'_, PyAny>) -> String {
+    const LONGEST: usize = 200;
+    let text = value.repr().map_or_else(|_| "?".to_owned(), |text| text.to_string());
+    match text.char_indices().nth(LONGEST) {
+        Some((end, _)) => format!("{} ...", &text[..end]),
+        None => text,
+    }
+}
+
+/// The bytes of a snapshot.
+pub fn bytes<'a>(value: &'a Bound<'_, PyAny>) -> PyResult<&'a [u8]> {
+    let allowed = "the bytes that get_state returned";
+    let bytes = value.cast::<PyBytes>().map(|bytes| bytes.as_bytes());
+    bytes.map_err(|_| to_py(Error::parameter("state", repr(value), allowed)))
+}
+
+/// Rows of numbers, whatever their lengths.
+pub fn rows(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<Vec<f64>>> {
+    let sequence = || to_py(Error::parameter(name, repr(value), "a sequence of lists of numbers"));
+    let row = |row: Bound<'_, PyAny>| Ok(arrays::read::<f64, Ix1>(name, &row)?.as_array().to_vec());
+    let items = value.try_iter().map_err(|_| sequence())?;
+    items.map(|item| row(item.map_err(|_| sequence())?)).collect()
 }
 
 /// An integer of Python or NumPy; True and False are none.

@@ -1,12 +1,14 @@
 //! `Controller`: a classical controller of the crate rodgym-baselines, as NumPy sees it.
 
+use crate::arrays;
 use crate::convert::{serialize, to_map, to_python};
 use crate::errors::{raise, to_py};
-use numpy::{PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::{Ix1, Ix2, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use rodgym_baselines::registry::{self, Target};
 use rodgym_baselines::{Controller as Law, Error};
+use rodgym_caught::caught;
 use serde_json::Value;
 
 /// Adds this file's classes and functions to the module.
@@ -16,9 +18,10 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 }
 
 /// Name and machine of every controller.
+#[caught]
 #[pyfunction]
-fn controllers() -> Vec<(&'static str, &'static str)> {
-    registry::entries().iter().map(|entry| (entry.name, entry.machine)).collect()
+fn controllers() -> PyResult<Vec<(&'static str, &'static str)>> {
+    Ok(registry::entries().iter().map(|entry| (entry.name, entry.machine)).collect())
 }
 
 /// An error of the crate as a Python exception.
@@ -43,6 +46,7 @@ pub struct Controller {
     law: Box<dyn Law>,
 }
 
+#[caught]
 #[pymethods]
 impl Controller {
     #[new]
@@ -57,8 +61,8 @@ impl Controller {
 
     /// One of `controllers`.
     #[getter]
-    fn name(&self) -> &str {
-        &self.name
+    fn name(&self) -> PyResult<&str> {
+        Ok(self.name.as_str())
     }
 
     /// The environment's keywords, as it was designed for.
@@ -69,14 +73,14 @@ impl Controller {
 
     /// Length of an observation.
     #[getter]
-    fn observation_size(&self) -> usize {
-        self.law.observation_size()
+    fn observation_size(&self) -> PyResult<usize> {
+        Ok(self.law.observation_size())
     }
 
     /// Length of an action.
     #[getter]
-    fn action_size(&self) -> usize {
-        self.law.action_size()
+    fn action_size(&self) -> PyResult<usize> {
+        Ok(self.law.action_size())
     }
 
     /// What the design settled on, by name.
@@ -91,8 +95,8 @@ impl Controller {
 
     /// Numbers that it remembers of each environment.
     #[getter]
-    fn state_size(&self) -> usize {
-        self.law.state_size()
+    fn state_size(&self) -> PyResult<usize> {
+        Ok(self.law.state_size())
     }
 
     /// Actions (n, a) float32 and the next state (n, s) from observations (n, d) float32, state (n, s)
@@ -100,10 +104,13 @@ impl Controller {
     fn predict<'py>(
         &self,
         py: Python<'py>,
-        observation: PyReadonlyArray2<'py, f32>,
-        state: PyReadonlyArray2<'py, f64>,
-        episode_start: PyReadonlyArray1<'py, bool>,
+        observation: &Bound<'py, PyAny>,
+        state: &Bound<'py, PyAny>,
+        episode_start: &Bound<'py, PyAny>,
     ) -> PyResult<Answer<'py>> {
+        let observation = arrays::read::<f32, Ix2>("observation", observation)?;
+        let state = arrays::read::<f64, Ix2>("state", state)?;
+        let episode_start = arrays::read::<bool, Ix1>("episode_start", episode_start)?;
         let n = episode_start.len();
         let (d, s) = (self.law.observation_size(), self.law.state_size());
         for (name, got, expected) in
@@ -132,7 +139,7 @@ impl Controller {
         (slf.get_type(), arguments).into_pyobject(py)
     }
 
-    fn __repr__(&self) -> String {
-        format!("Controller({:?})", self.name)
+    fn __repr__(&self) -> PyResult<String> {
+        Ok(format!("Controller({:?})", self.name))
     }
 }

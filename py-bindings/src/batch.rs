@@ -3,23 +3,23 @@
 //! Every call makes its result arrays, hands their memory to Rust, and releases the GIL while Rust fills
 //! them. Nothing is copied afterwards, nothing is shared between calls.
 
-use crate::arguments::{Actions, count, read_options, read_seeds};
+use crate::arguments::{Actions, bytes, count, read_options, read_seeds, repr};
+use crate::arrays::{self, writable};
 use crate::convert::{points, serialize, to_map};
 use crate::errors::{OrRaise, raise, to_py};
+use crate::interrupt::watched;
 use crate::lock::Lock;
 use crate::render::Gallery;
 use crate::sim::Simulation;
-use numpy::{
-    PyArray1, PyArray3, PyArrayDyn, PyArrayMethods, PyReadonlyArray1, PyReadwriteArrayDyn,
-    PyUntypedArrayMethods,
-};
+use numpy::{Ix1, PyArray1, PyArray3, PyArrayDyn, PyArrayMethods};
 use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList, PyTuple};
+use rodgym_caught::caught;
 use rodgym_core::catalog::{self, MakeOptions};
-use rodgym_core::env::{AutoresetMode, Scene, Spec, StepBuffer, StepData, VectorEnv};
+use rodgym_core::env::{AutoresetMode, Scene, Settings, Spec, StepBuffer, StepData, VectorEnv};
 use rodgym_core::results::Widths;
-use rodgym_core::{Error, Result, step_fields};
+use rodgym_core::{Error, step_fields};
 use serde_json::Value;
 use std::sync::MutexGuard;
 
@@ -32,6 +32,7 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 
 /// The rows of the catalogue, as dictionaries: `id`, `machine`, `task`, `max_episode_steps`,
 /// `reward_threshold`.
+#[caught]
 #[pyfunction(name = "catalog")]
 fn catalog_rows(py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
     serialize(py, &catalog::entries())
@@ -63,6 +64,7 @@ struct Inner {
 /// Observation (d,), reward, terminated, truncated, info.
 type SingleStep<'py> = (Bound<'py, PyArray1<f32>>, f64, bool, bool, Bound<'py, PyDict>);
 
+#[caught]
 #[pymethods]
 impl Batch {
     #[new]
@@ -107,25 +109,25 @@ impl Batch {
 
     /// Number of environments.
     #[getter]
-    fn num_envs(&self) -> usize {
-        self.options.num_envs
+    fn num_envs(&self) -> PyResult<usize> {
+        Ok(self.options.num_envs)
     }
 
     /// "NextStep", "SameStep", "Disabled" or "Single".
     #[getter]
-    fn autoreset_mode(&self) -> &'static str {
-        match self.options.autoreset_mode {
+    fn autoreset_mode(&self) -> PyResult<&'static str> {
+        Ok(match self.options.autoreset_mode {
             AutoresetMode::NextStep => "NextStep",
             AutoresetMode::SameStep => "SameStep",
             AutoresetMode::Disabled => "Disabled",
             AutoresetMode::Single => "Single",
-        }
+        })
     }
 
     /// Steps after which an episode is cut; None: never.
     #[getter]
-    fn max_episode_steps(&self) -> Option<u32> {
-        self.options.max_episode_steps
+    fn max_episode_steps(&self) -> PyResult<Option<u32>> {
+        Ok(self.options.max_episode_steps)
     }
 
     /// Number of threads of a step; results do not depend on it.
@@ -148,16 +150,17 @@ impl Batch {
         &self,
         py: Python<'py>,
         seeds: Option<&Bound<'py, PyAny>>,
-        mask: Option<PyReadonlyArray1<'py, bool>>,
+        mask: Option<&Bound<'py, PyAny>>,
         options: Option<&Bound<'py, PyAny>>,
-        out: Option<PyReadwriteArrayDyn<'py, f32>>,
+        out: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyTuple>> {
         let seeds = read_seeds(seeds)?;
         let options = read_options(options)?;
+        let mask = mask.map(|mask| arrays::read::<bool, Ix1>("mask", mask)).transpose()?;
         let mask = mask.map(|mask| mask.as_array().to_vec());
         let guard = self.lock(py)?;
         self.fill(py, guard, out, |inner, data| {
-            inner.env.reset(&seeds, mask.as_deref(), &options, data)
+            py.detach(|| inner.env.reset(&seeds, mask.as_deref(), &options, data)).or_raise()
         })
     }
 
@@ -167,13 +170,17 @@ impl Batch {
         &self,
         py: Python<'py>,
         actions: &Bound<'py, PyAny>,
-        out: Option<PyReadwriteArrayDyn<'py, f32>>,
+        out: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyTuple>> {
         let expected = [self.options.num_envs, self.spec.action.size()];
         let actions = Actions::read(actions, &expected)?;
         let mut guard = self.lock(py)?;
         actions.copy_to(&mut guard.actions);
-        self.fill(py, guard, out, |Inner { env, actions, .. }, data| env.step(actions, data))
+        // (`out` may be the same memory.)
+        drop(actions);
+        self.fill(py, guard, out, |Inner { env, actions, .. }, data| {
+            step(py, env.as_mut(), actions, data)
+        })
     }
 
     /// `reset` of the one environment of mode Single: observation (d,) and info.
@@ -207,7 +214,7 @@ impl Batch {
         let Inner { env, actions, buffer } = &mut *guard;
         action.copy_to(actions);
         buffer.solver_failure[0] = false;
-        py.detach(|| env.step(actions, buffer.data())).or_raise()?;
+        step(py, env.as_mut(), actions, buffer.data())?;
         let (terms, metrics) = buffer.terms.split_at(self.spec.reward_terms.len());
         let info = table(py, self.spec.metrics.iter().copied(), metrics)?;
         let terms = table(py, self.spec.reward_terms.iter().copied(), terms)?;
@@ -235,11 +242,28 @@ impl Batch {
     }
 
     /// Nothing to give back: memory and threads go with the object.
-    fn close(&self) {}
+    fn close(&self) -> PyResult<()> {
+        Ok(())
+    }
 
     /// Puts a snapshot in place of environment `index`.
-    fn set_state(&self, py: Python<'_>, index: usize, state: &[u8]) -> PyResult<()> {
-        self.lock(py)?.env.set_state(index, state).or_raise()
+    fn set_state(&self, py: Python<'_>, index: usize, state: &Bound<'_, PyAny>) -> PyResult<()> {
+        self.lock(py)?.env.set_state(index, bytes(state)?).or_raise()
+    }
+
+    /// Changes how the parameters of environments `first` to `first + count` are drawn, from the next episode of
+    /// each. `parameters`: a number or a list with one each, by name; `randomize`: ranges by name.
+    fn configure(
+        &self,
+        py: Python<'_>,
+        first: usize,
+        count: usize,
+        parameters: &Bound<'_, PyDict>,
+        randomize: &Bound<'_, PyDict>,
+    ) -> PyResult<()> {
+        let settings = Settings { parameters: to_map(parameters)?, randomize: to_map(randomize)? };
+        let range = first..first.saturating_add(count);
+        self.lock(py)?.env.configure(range, &settings).or_raise()
     }
 
     /// The last observation of environment `index`: (d,) float32.
@@ -321,25 +345,29 @@ impl Batch {
             &options.id,
             options.num_envs,
             serialize(py, &options.kwargs)?,
-            this.autoreset_mode(),
+            this.autoreset_mode()?,
             options.max_episode_steps,
             inner.env.num_threads(),
         );
         (slf.get_type(), arguments, states).into_pyobject(py)
     }
 
-    fn __setstate__(&self, py: Python<'_>, states: Vec<Option<Vec<u8>>>) -> PyResult<()> {
+    fn __setstate__(&self, py: Python<'_>, states: &Bound<'_, PyAny>) -> PyResult<()> {
+        let Ok(states) = states.cast::<PyList>() else {
+            let allowed = "a list of snapshots, or None";
+            return Err(to_py(Error::parameter("states", repr(states), allowed)));
+        };
         let mut inner = self.lock(py)?;
         for (index, state) in states.iter().enumerate() {
-            if let Some(state) = state {
-                inner.env.set_state(index, state).or_raise()?;
+            if !state.is_none() {
+                inner.env.set_state(index, bytes(&state)?).or_raise()?;
             }
         }
         Ok(())
     }
 
-    fn __repr__(&self) -> String {
-        format!("Batch({:?}, num_envs={})", self.spec.id, self.options.num_envs)
+    fn __repr__(&self) -> PyResult<String> {
+        Ok(format!("Batch({:?}, num_envs={})", self.spec.id, self.options.num_envs))
     }
 }
 
@@ -361,25 +389,17 @@ impl Batch {
         self.inner.lock(py)
     }
 
-    /// Makes result arrays and lets `call` fill them without the GIL.
+    /// Makes result arrays and lets `call` fill them; what it has written into `out` is undone where it fails.
     fn fill<'py>(
         &self,
         py: Python<'py>,
         mut guard: MutexGuard<'_, Inner>,
-        out: Option<PyReadwriteArrayDyn<'py, f32>>,
-        call: impl FnOnce(&mut Inner, StepData<'_>) -> Result<()> + Send,
+        out: Option<&Bound<'py, PyAny>>,
+        call: impl FnOnce(&mut Inner, StepData<'_>) -> PyResult<()>,
     ) -> PyResult<Bound<'py, PyTuple>> {
         let n = self.options.num_envs;
         let widths = Widths::of(&self.spec);
-        if let Some(array) = &out
-            && (array.shape() != [n, widths.observation] || !array.is_c_contiguous())
-        {
-            return Err(to_py(Error::Shape {
-                name: "out".into(),
-                got: format!("{:?}", array.shape()),
-                expected: format!("[{n}, {}], contiguous", widths.observation),
-            }));
-        }
+        let mut out = out.map(|out| writable("out", out, &[n, widths.observation])).transpose()?;
         macro_rules! shape {
             (one) => {
                 vec![n]
@@ -389,7 +409,7 @@ impl Batch {
             };
         }
         // An array for every field; the observation may go where the caller wants it.
-        let mut out = out;
+        let taken = out.is_some();
         macro_rules! fill {
             ($($(#[$doc:meta])* $field:ident: $element:ty, $width:ident;)*) => {{
                 $(let mut $field =
@@ -398,9 +418,14 @@ impl Batch {
                 if let Some(given) = &mut out {
                     data.observation = given.as_slice_mut()?;
                 }
-                let inner = &mut *guard;
-                py.detach(|| call(inner, data)).or_raise()?;
+                let long = guard.env.long_step().is_some();
+                let before = (long && taken).then(|| data.observation.to_vec());
+                let called = call(&mut guard, data);
                 drop(guard);
+                if let (Err(_), Some(given), Some(before)) = (&called, &mut out, before) {
+                    given.as_slice_mut()?.copy_from_slice(&before);
+                }
+                called?;
                 [$($field.as_any().clone()),*]
             }};
         }
@@ -410,6 +435,29 @@ impl Batch {
         }
         PyTuple::new(py, result)
     }
+}
+
+/// One control step without the GIL. Ctrl-C ends one that takes long, and then it was not made.
+fn step(
+    py: Python<'_>,
+    env: &mut dyn VectorEnv,
+    actions: &[f32],
+    data: StepData<'_>,
+) -> PyResult<()> {
+    let Some(env) = env.long_step() else {
+        return py.detach(|| env.step(actions, data)).or_raise();
+    };
+    let long = &mut *env;
+    let (stepped, interrupt) = watched(py, move |stop| {
+        let before = long.save();
+        (long.step_unless(actions, data, stop), before)
+    });
+    let (stepped, before) = stepped;
+    if let Some(interrupt) = interrupt {
+        py.detach(|| env.restore(before));
+        return Err(interrupt);
+    }
+    stepped.or_raise()
 }
 
 /// Names and values as a dictionary.

@@ -1,9 +1,11 @@
 //! Python values to JSON values and back: keywords, reset options, specs.
 
+use crate::arguments::repr;
 use crate::errors::{raise, to_py};
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyString, PyTuple};
+use rodgym_caught::caught;
 use rodgym_core::Error;
 use serde_json::{Map, Number, Value};
 
@@ -14,6 +16,7 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 
 /// Keywords or options as numbers, strings, lists and dictionaries: what a local environment reads, and refused as it
 /// would refuse.
+#[caught]
 #[pyfunction]
 fn plain_values<'py>(given: &Bound<'py, PyDict>) -> PyResult<Bound<'py, PyAny>> {
     to_python(given.py(), &Value::Object(to_map(given)?))
@@ -40,7 +43,7 @@ pub fn keywords(rod: &Bound<'_, PyAny>) -> PyResult<Map<String, Value>> {
         Ok(dict) => to_map(dict),
         Err(_) => {
             let allowed = "a dictionary of the rod's keywords";
-            Err(to_py(Error::parameter("rod", rod.repr()?, allowed)))
+            Err(to_py(Error::parameter("rod", repr(rod), allowed)))
         }
     }
 }
@@ -52,7 +55,7 @@ fn object(dict: &Bound<'_, PyDict>, path: &str, depth: usize) -> PyResult<Map<St
             let place = if path.is_empty() { "keyword arguments" } else { path };
             return Err(to_py(Error::parameter(
                 place,
-                key.repr()?,
+                repr(&key),
                 "a dictionary whose keys are strings",
             )));
         };
@@ -65,10 +68,7 @@ fn object(dict: &Bound<'_, PyDict>, path: &str, depth: usize) -> PyResult<Map<St
 
 /// One Python value as JSON; `path` names it in errors.
 pub fn to_value(value: &Bound<'_, PyAny>, path: &str, depth: usize) -> PyResult<Value> {
-    let refuse = |allowed: &str| {
-        let shown = value.repr().map_or_else(|_| "?".to_owned(), |text| text.to_string());
-        Err(to_py(Error::parameter(path, shown, allowed)))
-    };
+    let refuse = |allowed: &str| Err(to_py(Error::parameter(path, repr(value), allowed)));
     if depth > MAX_DEPTH {
         return refuse("nested less deeply");
     }

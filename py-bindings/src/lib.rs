@@ -2,14 +2,19 @@
 //!
 //! One file a subject; each has a `register` that adds its classes and functions to the module. The
 //! Python package around it (`python/rodgym`) gives them Gymnasium's and Stable-Baselines3's faces.
+//!
+//! Whatever Python can call stands under `#[caught]` (`faults`), and takes its arrays through `arrays`.
 
 mod analysis;
 mod arguments;
+mod arrays;
 mod baselines;
 mod batch;
 mod convert;
 mod errors;
+mod faults;
 mod infos;
+mod interrupt;
 mod lock;
 mod machine;
 mod render;

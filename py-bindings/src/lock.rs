@@ -4,6 +4,7 @@ use crate::errors::raise;
 use pyo3::prelude::*;
 use pyo3::sync::MutexExt;
 use pyo3::types::PyDict;
+use rodgym_caught::caught;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, TryLockError};
 
@@ -20,9 +21,11 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     Ok(())
 }
 
+#[caught]
 #[pyfunction]
-fn forked() {
+fn forked() -> PyResult<()> {
     FORKS.fetch_add(1, Ordering::Relaxed);
+    Ok(())
 }
 
 /// A value that one thread uses at a time.

@@ -6,6 +6,7 @@ use crate::lock::Lock;
 use numpy::{PyArray1, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use rodgym_caught::caught;
 use rodgym_core::env::Scene;
 use rodgym_core::{Error, Result};
 use rodgym_render::{Painter, drawing};
@@ -31,11 +32,12 @@ impl Default for Gallery {
     }
 }
 
+#[caught]
 #[pymethods]
 impl Gallery {
     #[new]
-    fn new() -> Self {
-        Gallery::default()
+    fn new() -> PyResult<Self> {
+        Ok(Gallery::default())
     }
 
     /// `Batch.render` of a scene that came from elsewhere.

@@ -1,11 +1,12 @@
 //! Matrix equations for people who design their own controllers.
 
+use crate::arrays;
 use crate::baselines::raise_baseline;
-use crate::errors::raise;
 use nalgebra::DMatrix;
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
+use numpy::{Ix2, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use rodgym_baselines::linalg::{self, Riccati};
+use rodgym_caught::caught;
 
 /// Adds this file's functions to the module.
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
@@ -15,20 +16,11 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 
 type Matrix<'a, 'py> = &'a Bound<'py, PyAny>;
 
-/// What NumPy makes a matrix of, as one of nalgebra's.
+/// An array of two dimensions as one of nalgebra's.
 fn read(name: &str, given: Matrix<'_, '_>) -> PyResult<DMatrix<f64>> {
-    let numpy = given.py().import("numpy")?;
-    let array = numpy.call_method1("asarray", (given, "float64")).ok();
-    match array.and_then(|array| array.extract::<PyReadonlyArray2<'_, f64>>().ok()) {
-        Some(array) => {
-            let view = array.as_array();
-            Ok(DMatrix::from_fn(view.nrows(), view.ncols(), |i, j| view[[i, j]]))
-        }
-        None => {
-            let message = format!("{name} must be a matrix of numbers, but is {}", given.repr()?);
-            Err(raise("ShapeError", message))
-        }
-    }
+    let array = arrays::read::<f64, Ix2>(name, given)?;
+    let view = array.as_array();
+    Ok(DMatrix::from_fn(view.nrows(), view.ncols(), |i, j| view[[i, j]]))
 }
 
 /// One of nalgebra's matrices as NumPy's.
@@ -60,6 +52,7 @@ fn solve<'py>(
 
 /// Stabilising solution P and gain K (u = -K z) of the discrete algebraic Riccati equation with cost
 /// z'Qz + 2z'Nu + u'Ru.
+#[caught]
 #[pyfunction]
 #[pyo3(signature = (a, b, q, r, n=None))]
 fn dare<'py>(
@@ -75,6 +68,7 @@ fn dare<'py>(
 
 /// Stabilising solution P and gain K (u = -K z) of the continuous algebraic Riccati equation with cost
 /// z'Qz + 2z'Nu + u'Ru.
+#[caught]
 #[pyfunction]
 #[pyo3(signature = (a, b, q, r, n=None))]
 fn care<'py>(

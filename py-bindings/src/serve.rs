@@ -3,6 +3,7 @@
 #[cfg(not(feature = "server"))]
 use crate::errors::raise;
 use pyo3::prelude::*;
+use rodgym_caught::caught;
 use std::ffi::OsString;
 
 /// Adds this file's functions to the module.
@@ -13,13 +14,15 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 /// Runs `rodgym-server` with these arguments and returns its exit code. Blocks until SIGTERM or
 /// SIGINT, which are the server's own while it runs; other threads go on.
 #[cfg(feature = "server")]
+#[caught]
 #[pyfunction]
-fn serve(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
-    py.detach(|| rodgym_server::net::cli::main(arguments))
+fn serve(py: Python<'_>, arguments: Vec<OsString>) -> PyResult<u8> {
+    Ok(py.detach(|| rodgym_server::net::cli::main(arguments)))
 }
 
 /// This build has no server: it explains the options, and says how to get one.
 #[cfg(not(feature = "server"))]
+#[caught]
 #[pyfunction]
 fn serve(arguments: Vec<OsString>) -> PyResult<u8> {
     const HELP: &str = include_str!("../../env-server/src/net/help.txt");

@@ -1,11 +1,15 @@
 //! The bare machines, one at a time: `rodgym.sim`. One class for all of them.
 
+use crate::arguments::{repr, rows};
+use crate::arrays;
 use crate::convert::{points, to_map, to_python};
 use crate::errors::{OrRaise, to_py};
+use crate::interrupt::LOOK;
 use crate::lock::Lock;
-use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::{Ix1, Ix2, PyArray1, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
+use rodgym_caught::caught;
 use rodgym_core::Error;
 use rodgym_core::catalog;
 use rodgym_core::simulation::{Named, Simulation as Machine};
@@ -21,6 +25,7 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 #[pyclass(module = "rodgym._native", frozen)]
 pub struct Simulation(Lock<Box<dyn Machine>>);
 
+#[caught]
 #[pymethods]
 impl Simulation {
     #[new]
@@ -76,10 +81,10 @@ impl Simulation {
     fn set_state(
         &self,
         py: Python<'_>,
-        positions: PyReadonlyArray2<'_, f64>,
-        velocities: PyReadonlyArray2<'_, f64>,
+        positions: &Bound<'_, PyAny>,
+        velocities: &Bound<'_, PyAny>,
     ) -> PyResult<()> {
-        let (x, v) = (pairs("positions", &positions)?, pairs("velocities", &velocities)?);
+        let (x, v) = (pairs("positions", positions)?, pairs("velocities", velocities)?);
         self.lock(py)?.set_state(&x, &v).or_raise()
     }
 
@@ -99,13 +104,14 @@ impl Simulation {
     }
 
     /// What this machine alone can tell, by one of its own words: numbers and arrays by name.
-    #[pyo3(signature = (question, arguments=vec![]))]
+    #[pyo3(signature = (question, arguments=None))]
     fn ask<'py>(
         &self,
         py: Python<'py>,
         question: &str,
-        arguments: Vec<Vec<f64>>,
+        arguments: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyDict>> {
+        let arguments = arguments.map_or(Ok(vec![]), |given| rows("arguments", given))?;
         let guard = self.lock(py)?;
         named(py, guard.ask(question, &arguments).or_raise()?)
     }
@@ -116,9 +122,10 @@ impl Simulation {
         &self,
         py: Python<'py>,
         command: &str,
-        arguments: Vec<Vec<f64>>,
+        arguments: &Bound<'py, PyAny>,
         n: u64,
     ) -> PyResult<Bound<'py, PyDict>> {
+        let arguments = rows("arguments", arguments)?;
         let mut guard = self.lock(py)?;
         let mut told = vec![];
         in_parts(py, &mut guard, n, |machine, part| {
@@ -135,8 +142,12 @@ impl Simulation {
         (slf.get_type(), (this.machine(py)?, this.config(py)?), state).into_pyobject(py)
     }
 
-    fn __setstate__(&self, py: Python<'_>, state: (Vec<f64>, u64)) -> PyResult<()> {
-        self.lock(py)?.restore(&state.0, state.1).or_raise()
+    fn __setstate__(&self, py: Python<'_>, state: &Bound<'_, PyAny>) -> PyResult<()> {
+        let allowed = "the numbers and steps of __reduce__";
+        let refuse = |_| to_py(Error::parameter("state", repr(state), allowed));
+        let (numbers, steps): (Bound<'_, PyAny>, u64) = state.extract().map_err(refuse)?;
+        let numbers = arrays::read::<f64, Ix1>("state", &numbers)?.as_array().to_vec();
+        self.lock(py)?.restore(&numbers, steps).or_raise()
     }
 
     /// An independent copy, as it is now.
@@ -156,9 +167,6 @@ impl Simulation {
         self.0.lock(py)
     }
 }
-
-/// How long the parts are between two looks at Ctrl-C.
-const LOOK: std::time::Duration = std::time::Duration::from_millis(20);
 
 /// Takes `n` steps without the GIL, in parts. After Ctrl-C the machine is as it was before the first.
 fn in_parts(
@@ -212,7 +220,8 @@ fn named<'py>(py: Python<'py>, values: Vec<Named>) -> PyResult<Bound<'py, PyDict
 }
 
 /// Rows (x, y) of an array of shape (nodes, 2).
-fn pairs(name: &str, array: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<[f64; 2]>> {
+fn pairs(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<[f64; 2]>> {
+    let array = arrays::read::<f64, Ix2>(name, given)?;
     let view = array.as_array();
     if view.ncols() != 2 {
         return Err(to_py(Error::Shape {

@@ -8,6 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rodgym_baselines::Error;
 use rodgym_baselines::pendulum::{ProcessNoise, RodDesign, ThesisDesign, ThesisRun};
+use rodgym_caught::caught;
 use rodgym_core::pendulum::BarePendulum;
 use rodgym_core::simulation::Simulation;
 use serde_json::json;
@@ -36,6 +37,7 @@ struct Record {
 /// Returns a dictionary of arrays with T samples: `time` [s], `torque` [N m], `linear` (the law
 /// acted), `angles` and `rates` (T, edges), `estimate` of z (T, 2 edges; NaN while the observer is off),
 /// `positions` (T, nodes, 2); and `lost`, whether the solver gave up before the end.
+#[caught]
 #[pyfunction]
 #[pyo3(signature = (rod, feedback="state", duration=3.0, every=10, process_noise="torque", latches=false))]
 fn thesis_run<'py>(

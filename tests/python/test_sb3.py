@@ -103,8 +103,9 @@ def test_attributes_and_methods_reach_each_environment():
     env.env_method("set_state", states[1], indices=[0, 2])
     assert env.env_method("get_state", indices=[0, 2]) == [states[1]] * 2
     assert [w["width"] for w in env.get_attr("parameters", indices=1)] == [0.007]
-    env.set_attr("level", 3, indices=[1])
-    assert env.get_attr("level", indices=[1]) == [3]
+    env.set_attr("render_mode", "rgb_array", indices=[1])
+    assert env.get_attr("render_mode") == [None, "rgb_array", None]
+    env.set_attr("render_mode", None)
     assert env.has_attr("positions") and not env.has_attr("wings")
     assert env.env_is_wrapped(Monitor) == [False] * 3
     assert env.get_attr("render_mode") == [None] * 3

@@ -204,10 +204,10 @@ def test_members_show_their_machines():
     assert env.call("get_state") == tuple(env.get_state())
     positions = env.get_attr("positions")
     assert [p.shape for p in positions] == [(7, 2)] * 3
-    env.set_attr("note", ["a", "b", "c"])
-    assert env.get_attr("note") == ("a", "b", "c")
+    env.set_attr("render_mode", [None, "rgb_array", None])
+    assert env.get_attr("render_mode") == (None, "rgb_array", None)
     with pytest.raises(ValueError, match="2 values were given for 3 environments"):
-        env.set_attr("note", [1, 2])
+        env.set_attr("render_mode", [None, None])
 
 
 @pytest.mark.parametrize("mode", MODES)

@@ -45,11 +45,19 @@ fn eigenvalue_fold(m: &DMatrix<f64>, f: impl Fn(f64, f64) -> f64) -> f64 {
 /// Eigenvalues of a square matrix, balanced first (the companion-like matrices of mechanics hold
 /// numbers of very different size); NaN where the iteration did not converge.
 pub fn eigenvalues(m: &DMatrix<f64>) -> DVector<nalgebra::Complex<f64>> {
-    let mut balanced = m.clone();
+    let unknown = || DVector::from_element(m.nrows(), nalgebra::Complex::new(f64::NAN, f64::NAN));
+    if m.is_empty() || m.iter().any(|x| !x.is_finite()) {
+        return unknown();
+    }
+    // Balancing squares its numbers, and never ends where a square is infinite.
+    let largest = m.amax();
+    let usual = largest == 0.0 || (1e-100..1e100).contains(&largest);
+    let unit = if usual { 1.0 } else { libm::exp2(libm::floor(libm::log2(largest))) };
+    let mut balanced = m / unit;
     nalgebra::linalg::balancing::balance_parlett_reinsch(&mut balanced);
     match nalgebra::linalg::Schur::try_new(balanced, f64::EPSILON, 100 * m.nrows().max(10)) {
-        Some(schur) => schur.complex_eigenvalues(),
-        None => DVector::from_element(m.nrows(), nalgebra::Complex::new(f64::NAN, f64::NAN)),
+        Some(schur) => schur.complex_eigenvalues().map(|z| z.scale(unit)),
+        None => unknown(),
     }
 }
 
@@ -62,6 +70,10 @@ fn check(
     n: Option<&DMatrix<f64>>,
 ) -> crate::Result<()> {
     let (states, inputs) = b.shape();
+    if b.is_empty() {
+        let wanted = "(n, m) with at least one state and one input";
+        return Err(crate::error::shape("B", format!("{:?}", b.shape()), wanted));
+    }
     let wanted = [
         ("A", Some(a), (states, states)),
         ("Q", Some(q), (states, states)),

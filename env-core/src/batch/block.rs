@@ -2,6 +2,7 @@
 
 use super::machine::Machine;
 use super::task::{Outcome, Scorer};
+use crate::draw::Draw;
 use crate::episodes::AutoresetMode;
 use crate::error::{Error, Result};
 use crate::isa::{Isa, Kernel, dispatch};
@@ -11,6 +12,8 @@ use crate::scene::Scene;
 use crate::seed::Stream;
 use crate::snapshot::Snapshot;
 use crate::spec::Spec;
+use crate::watch::Watch;
+use std::sync::Arc;
 
 /// What the batch keeps of each environment beside its plant.
 #[derive(Clone, Debug, Default)]
@@ -23,9 +26,12 @@ struct Clock {
 }
 
 /// `R::LANES` environments; the last block of a batch may use fewer.
+#[derive(Clone)]
 pub struct Block<M: Machine, R: Real> {
     plant: M::Plant<R>,
     streams: Vec<Stream>,
+    /// How parameters are drawn where that is not the machine's way.
+    draws: Vec<Option<Arc<[Draw]>>>,
     clocks: Vec<Clock>,
     used: usize,
     actions: Vec<R>,
@@ -64,6 +70,7 @@ impl<M: Machine, R: Real> Block<M, R> {
         Block {
             plant: env.machine.new_plant(),
             streams: (0..R::LANES as u64).map(|i| Stream::new(first_seed + i)).collect(),
+            draws: vec![None; R::LANES],
             clocks: vec![Clock::default(); R::LANES],
             used,
             actions: vec![R::zero(); spec.action.size()],
@@ -71,6 +78,13 @@ impl<M: Machine, R: Real> Block<M, R> {
             outcome: Outcome::new(spec.reward_terms.len() + spec.metrics.len()),
             returned: vec![0.0; used * spec.observation.size()],
         }
+    }
+
+    /// Numbers of one environment's plant.
+    pub fn numbers(&self) -> usize {
+        let mut count = 0;
+        self.plant.visit(&mut |_| count += 1);
+        count
     }
 
     /// Number of environments in use.
@@ -92,12 +106,26 @@ impl<M: Machine, R: Real> Block<M, R> {
     }
 
     /// One control step of the block; `actions` and `out` are its own rows.
-    pub fn step(&mut self, env: &Environment<M, R>, actions: &[f32], out: &mut StepData<'_>) {
-        dispatch(env.rules.isa, Step { block: self, env, actions, out });
+    pub fn step(
+        &mut self,
+        env: &Environment<M, R>,
+        actions: &[f32],
+        out: &mut StepData<'_>,
+        watch: Watch<'_>,
+    ) {
+        if !watch.stops() {
+            dispatch(env.rules.isa, Step { block: self, env, actions, out, watch });
+        }
     }
 
     #[inline(always)]
-    fn step_here(&mut self, env: &Environment<M, R>, actions: &[f32], out: &mut StepData<'_>) {
+    fn step_here(
+        &mut self,
+        env: &Environment<M, R>,
+        actions: &[f32],
+        out: &mut StepData<'_>,
+        watch: Watch<'_>,
+    ) {
         let Environment { machine, task, spec, rules } = env;
         let mut active = R::Mask::splat(false);
         for lane in 0..self.used {
@@ -115,7 +143,10 @@ impl<M: Machine, R: Real> Block<M, R> {
         }
         if active.any() {
             let Block { plant, streams, actions, outcome, .. } = self;
-            outcome.failed = machine.step(plant, actions, active, streams).not();
+            outcome.failed = machine.step(plant, actions, active, streams, watch).not();
+            if watch.stops() {
+                return;
+            }
             task.score(rules.isa, machine, plant, outcome);
         }
         let mut starting = R::Mask::splat(false);
@@ -189,7 +220,8 @@ impl<M: Machine, R: Real> Block<M, R> {
         start: &M::Start,
         out: &mut StepData<'_>,
     ) {
-        env.machine.begin(&mut self.plant, lane, &mut self.streams[lane], start);
+        let draws = self.draws[lane].as_deref().unwrap_or(env.machine.draws());
+        env.machine.begin(&mut self.plant, lane, draws, &mut self.streams[lane], start);
         self.clocks[lane] = Clock { begun: true, ..Clock::default() };
         for slot in &mut self.actions {
             slot.set(lane, 0.0);
@@ -248,6 +280,16 @@ impl<M: Machine, R: Real> Block<M, R> {
         }
     }
 
+    /// How the parameters of one environment are drawn, where that is not the machine's way.
+    pub fn draws(&self, lane: usize) -> Option<&Arc<[Draw]>> {
+        self.draws[lane].as_ref()
+    }
+
+    /// Changes how the parameters of one environment are drawn; they are taken as checked.
+    pub fn set_draws(&mut self, lane: usize, draws: Option<Arc<[Draw]>>) {
+        self.draws[lane] = draws;
+    }
+
     /// The observation that one environment returned last.
     pub fn returned(&self, lane: usize) -> &[f32] {
         let size = self.observation.len();
@@ -268,15 +310,19 @@ impl<M: Machine, R: Real> Block<M, R> {
             episode_return: clock.episode_return,
             reward: clock.reward,
             action: self.actions.iter().map(|a| a.get(lane)).collect(),
+            draws: self.draws[lane].as_ref().map(|draws| draws.to_vec()),
             observation: self.returned(lane).to_vec(),
         }
     }
 
     /// Puts a snapshot in place of one environment.
-    pub fn restore(&mut self, lane: usize, saved: &Snapshot) -> Result<()> {
-        let mut count = 0;
-        self.plant.visit(&mut |_| count += 1);
-        let fits = saved.numbers.len() == count
+    pub fn restore(
+        &mut self,
+        env: &Environment<M, R>,
+        lane: usize,
+        saved: &Snapshot,
+    ) -> Result<()> {
+        let fits = saved.numbers.len() == self.numbers()
             && saved.action.len() == self.actions.len()
             && saved.observation.len() == self.observation.len();
         if !fits {
@@ -285,6 +331,11 @@ impl<M: Machine, R: Real> Block<M, R> {
         if !saved.numbers.iter().all(|x| x.is_finite()) {
             return Err(Error::snapshot("it holds a number that is not finite"));
         }
+        if let Some(draws) = &saved.draws {
+            Draw::check(draws, env.machine.parameter_table())?;
+            env.machine.check_draws(draws)?;
+        }
+        self.draws[lane] = saved.draws.as_deref().map(Arc::from);
         let mut next = saved.numbers.iter();
         self.plant.visit_mut(&mut |x| x.set(lane, *next.next().expect("counted above")));
         for (slot, action) in self.actions.iter_mut().zip(&saved.action) {
@@ -336,12 +387,13 @@ struct Step<'a, 'b, M: Machine, R: Real> {
     env: &'a Environment<M, R>,
     actions: &'a [f32],
     out: &'a mut StepData<'b>,
+    watch: Watch<'a>,
 }
 
 impl<M: Machine, R: Real> Kernel for Step<'_, '_, M, R> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
-        self.block.step_here(self.env, self.actions, self.out);
+        self.block.step_here(self.env, self.actions, self.out, self.watch);
     }
 }

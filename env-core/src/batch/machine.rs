@@ -1,5 +1,6 @@
 //! What a machine must offer so that a batch can run it.
 
+use crate::draw::Draw;
 use crate::episodes::ResetOptions;
 use crate::error::Result;
 use crate::keywords::{Keyword, Parameter};
@@ -8,6 +9,7 @@ use crate::scene::{NodeState, Scene};
 use crate::seed::Stream;
 use crate::simulation::Simulation;
 use crate::spec::Space;
+use crate::watch::Watch;
 use serde_json::{Map, Value};
 
 /// A machine as its keywords have it: plant, sensors, start. One value of this type serves a whole batch;
@@ -57,25 +59,36 @@ pub trait Machine: Clone + Send + Sync + Sized + 'static {
 
     /// A plant whose lanes all hold a valid state with default parameters.
     fn new_plant<R: Real>(&self) -> Self::Plant<R>;
-    /// Checks reset options before anything changes.
-    fn check(&self, options: &ResetOptions) -> Result<Self::Start>;
-    /// Starts an episode in one lane, drawing parameters and start state from its stream.
+    /// How each parameter is drawn for an episode, unless a user sets it otherwise between episodes.
+    fn draws(&self) -> &[Draw];
+    /// Refuses draws, each within its parameter's range, that do not go together.
+    ///
+    /// # Errors
+    /// Says what they would have to be.
+    fn check_draws(&self, _draws: &[Draw]) -> Result<()> {
+        Ok(())
+    }
+    /// Checks reset options before anything changes. `draws` are those of the environment.
+    fn check(&self, options: &ResetOptions, draws: &[Draw]) -> Result<Self::Start>;
+    /// Starts an episode in one lane, drawing parameters by `draws` and start state from its stream.
     fn begin<R: Real>(
         &self,
         plant: &mut Self::Plant<R>,
         lane: usize,
+        draws: &[Draw],
         stream: &mut Stream,
         start: &Self::Start,
     );
     /// *Hot.* One control step of all lanes; returns where the solver succeeded. `actions` are finite and
     /// clipped, one value a component. Streams advance only in `active` lanes; what happens to the others
-    /// does not matter.
+    /// does not matter. A long step ends soon once `watch` stops it, whatever comes of it then.
     fn step<R: Real>(
         &self,
         plant: &mut Self::Plant<R>,
         actions: &[R],
         active: R::Mask,
         streams: &mut [Stream],
+        watch: Watch<'_>,
     ) -> R::Mask;
     /// *Hot.* Writes the metrics after a step.
     fn metrics<R: Real>(&self, plant: &Self::Plant<R>, metrics: &mut [R]);

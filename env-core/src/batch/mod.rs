@@ -11,19 +11,34 @@ mod task;
 pub use machine::Machine;
 pub use task::{Outcome, Scorer, Task};
 
-use crate::env::{AutoresetMode, NodeState, ResetOptions, Scene, Seeds, Spec, StepData, VectorEnv};
+use crate::draw::Draw;
+use crate::env::{
+    AutoresetMode, LongStep, NodeState, ResetOptions, Saved, Scene, Seeds, Settings, Spec,
+    StepData, VectorEnv,
+};
 use crate::error::{Error, Result};
 use crate::isa::{ForLanes, Isa, with_lanes};
 use crate::lane::Real;
 use crate::results::{Rows, Widths, check_length};
 use crate::simulation::Simulation;
 use crate::snapshot::Snapshot;
+use crate::watch::Watch;
 use block::{Block, Environment, ResetRows, Rules};
 use pool::Pool;
 use serde_json::{Map, Value};
+use std::ops::Range;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::{Duration, Instant};
 
 /// Blocks a thread must have at least, or waking it costs more than it saves.
 const BLOCKS_A_THREAD: usize = 4;
+/// Work of a step that may be long, for all that is known before the first: some 2 ms in eight lanes, 100 ms in one.
+const GUESSED: f64 = 4e6;
+/// Work below which no step is long, so that nobody looks at the clock.
+const SHORT: f64 = 1e6;
+/// A step that takes longer is one that somebody may want to stop.
+const LONG: Duration = Duration::from_millis(50);
 /// Most environments of one batch.
 pub const MAX_ENVS: usize = 1 << 20;
 /// Most threads of one batch.
@@ -36,6 +51,10 @@ pub struct Batch<M: Machine, R: Real> {
     num_envs: usize,
     threads: usize,
     pool: Option<Pool>,
+    /// Numbers that a control step changes, times its physics steps.
+    work: f64,
+    /// How long the last step took, where steps may be long.
+    took: Option<Duration>,
 }
 
 /// How to run a batch: see `catalog::MakeOptions`.
@@ -155,8 +174,11 @@ impl<M: Machine, R: Real> Batch<M, R> {
         let spec = spec::<T>(id, &machine);
         let env = Environment { machine, task: Box::new(task.clone()), spec, rules };
         let block = |first| Block::new(&env, R::LANES.min(n - first), first as u64);
-        let blocks = (0..n).step_by(R::LANES).map(block).collect();
-        Ok(Batch { env, blocks, num_envs: n, threads: options.num_threads, pool: None })
+        let blocks: Vec<_> = (0..n).step_by(R::LANES).map(block).collect();
+        let work = blocks[0].numbers() as f64 * n as f64 * env.machine.control_dt()
+            / env.machine.physics_dt();
+        let threads = options.num_threads;
+        Ok(Batch { env, blocks, num_envs: n, threads, pool: None, work, took: None })
     }
 
     fn place(&self, index: usize) -> Result<(usize, usize)> {
@@ -164,6 +186,68 @@ impl<M: Machine, R: Real> Batch<M, R> {
             return Err(Error::Index { index, num_envs: self.num_envs });
         }
         Ok((index / R::LANES, index % R::LANES))
+    }
+
+    /// How the parameters of an environment are drawn.
+    fn draws_of(&self, index: usize) -> &[Draw] {
+        let own = self.blocks[index / R::LANES].draws(index % R::LANES);
+        own.map_or(self.env.machine.draws(), |draws| draws)
+    }
+
+    /// Checks reset options for all environments that they concern.
+    fn check_options(&self, options: &ResetOptions, mask: Option<&[bool]>) -> Result<M::Start> {
+        let machine = &self.env.machine;
+        let mut checked: Option<(&[Draw], M::Start)> = None;
+        for index in (0..self.num_envs).filter(|&index| mask.is_none_or(|mask| mask[index])) {
+            let draws = self.draws_of(index);
+            if checked.as_ref().is_none_or(|(last, _)| !std::ptr::eq(*last, draws)) {
+                checked = Some((draws, machine.check(options, draws)?));
+            }
+        }
+        match checked {
+            Some((_, start)) => Ok(start),
+            None => machine.check(options, machine.draws()),
+        }
+    }
+
+    fn step_watched(
+        &mut self,
+        actions: &[f32],
+        mut out: StepData<'_>,
+        watch: Watch<'_>,
+    ) -> Result<()> {
+        let widths = Widths::of(&self.env.spec);
+        out.check(widths, self.num_envs)?;
+        let size = self.env.spec.action.size();
+        check_length("action", actions.len(), self.num_envs * size)?;
+        if let Some(at) = actions.iter().position(|a| !a.is_finite()) {
+            return Err(Error::Action { index: at / size, value: actions[at] as f64 });
+        }
+        for (b, block) in self.blocks.iter().enumerate() {
+            if let Some(error) = block.refuses_step(&self.env.rules, b * R::LANES) {
+                return Err(error);
+            }
+        }
+        let began = (self.work > SHORT).then(Instant::now);
+        let threads = self.useful_threads();
+        let rows = Rows::new(widths, &mut out);
+        let env = &self.env;
+        let step = |b: usize, block: &mut Block<M, R>| {
+            let (first, count) = (b * R::LANES, block.used());
+            // SAFETY: `out` is borrowed for as long as `rows` is used, and each block is stepped by one
+            // thread, so nobody else holds these rows.
+            let mut mine = unsafe { rows.of(first, count) };
+            block.step(env, &actions[first * size..(first + count) * size], &mut mine, watch);
+        };
+        if threads == 1 {
+            self.blocks.iter_mut().enumerate().for_each(|(b, block)| step(b, block));
+        } else {
+            ensure_pool(&mut self.pool, threads)?.share(&mut self.blocks, step);
+        }
+        if !watch.stops() {
+            self.took = began.map(|began| began.elapsed());
+        }
+        Ok(())
     }
 
     /// Threads that a step really uses.
@@ -224,7 +308,7 @@ impl<M: Machine, R: Real> VectorEnv for Batch<M, R> {
         if let Seeds::Each(each) = seeds {
             check_length("seed", each.len(), self.num_envs)?;
         }
-        let start = self.env.machine.check(options)?;
+        let start = self.check_options(options, mask)?;
         let seed = |index: usize| match seeds {
             Seeds::Continue => None,
             Seeds::Base(base) => Some(base.wrapping_add(index as u64)),
@@ -241,35 +325,40 @@ impl<M: Machine, R: Real> VectorEnv for Batch<M, R> {
         Ok(())
     }
 
-    fn step(&mut self, actions: &[f32], mut out: StepData<'_>) -> Result<()> {
-        let widths = Widths::of(&self.env.spec);
-        out.check(widths, self.num_envs)?;
-        let size = self.env.spec.action.size();
-        check_length("action", actions.len(), self.num_envs * size)?;
-        if let Some(at) = actions.iter().position(|a| !a.is_finite()) {
-            return Err(Error::Action { index: at / size, value: actions[at] as f64 });
+    fn step(&mut self, actions: &[f32], out: StepData<'_>) -> Result<()> {
+        self.step_watched(actions, out, Watch::nobody())
+    }
+
+    fn configure(&mut self, range: Range<usize>, settings: &Settings) -> Result<()> {
+        if range.is_empty() || range.end > self.num_envs {
+            let index = range.end.saturating_sub(1).max(range.start);
+            return Err(Error::Index { index, num_envs: self.num_envs });
         }
-        for (b, block) in self.blocks.iter().enumerate() {
-            if let Some(error) = block.refuses_step(&self.env.rules, b * R::LANES) {
-                return Err(error);
-            }
+        let machine = &self.env.machine;
+        let changes = settings.read(machine.parameter_table(), range.len())?;
+        let mut changed: Vec<Option<Arc<[Draw]>>> = Vec::with_capacity(range.len());
+        for (k, index) in range.clone().enumerate() {
+            let mut draws = self.draws_of(index).to_vec();
+            changes.make(k, &mut draws);
+            // Neighbours are often alike.
+            changed.push(match changed.last() {
+                Some(Some(last)) if **last == *draws => Some(last.clone()),
+                _ if draws == machine.draws() => None,
+                _ => {
+                    machine.check_draws(&draws)?;
+                    Some(draws.into())
+                }
+            });
         }
-        let threads = self.useful_threads();
-        let rows = Rows::new(widths, &mut out);
-        let env = &self.env;
-        let step = |b: usize, block: &mut Block<M, R>| {
-            let (first, count) = (b * R::LANES, block.used());
-            // SAFETY: `out` is borrowed for as long as `rows` is used, and each block is stepped by one
-            // thread, so nobody else holds these rows.
-            let mut mine = unsafe { rows.of(first, count) };
-            block.step(env, &actions[first * size..(first + count) * size], &mut mine);
-        };
-        if threads == 1 {
-            self.blocks.iter_mut().enumerate().for_each(|(b, block)| step(b, block));
-        } else {
-            ensure_pool(&mut self.pool, threads)?.share(&mut self.blocks, step);
+        for (index, draws) in range.zip(changed) {
+            self.blocks[index / R::LANES].set_draws(index % R::LANES, draws);
         }
         Ok(())
+    }
+
+    fn long_step(&mut self) -> Option<&mut dyn LongStep> {
+        let long = self.took.map_or(self.work > GUESSED, |took| took > LONG);
+        if long { Some(self) } else { None }
     }
 
     fn get_state(&self, index: usize) -> Result<Vec<u8>> {
@@ -280,7 +369,7 @@ impl<M: Machine, R: Real> VectorEnv for Batch<M, R> {
     fn set_state(&mut self, index: usize, bytes: &[u8]) -> Result<()> {
         let (block, lane) = self.place(index)?;
         let saved = Snapshot::decode(bytes, self.spec())?;
-        self.blocks[block].restore(lane, &saved)
+        self.blocks[block].restore(&self.env, lane, &saved)
     }
 
     fn observe(&self, index: usize, out: &mut [f32]) -> Result<()> {
@@ -310,5 +399,19 @@ impl<M: Machine, R: Real> VectorEnv for Batch<M, R> {
     fn simulation(&self, index: usize) -> Result<Box<dyn Simulation>> {
         let (block, lane) = self.place(index)?;
         Ok(self.env.machine.simulation(self.blocks[block].plant(), lane))
+    }
+}
+
+impl<M: Machine, R: Real> LongStep for Batch<M, R> {
+    fn save(&self) -> Saved {
+        Box::new(self.blocks.clone())
+    }
+
+    fn restore(&mut self, saved: Saved) {
+        self.blocks = *saved.downcast().expect("it was saved by this batch");
+    }
+
+    fn step_unless(&mut self, actions: &[f32], out: StepData<'_>, stop: &AtomicBool) -> Result<()> {
+        self.step_watched(actions, out, Watch::new(stop))
     }
 }

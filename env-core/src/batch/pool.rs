@@ -3,7 +3,8 @@
 //! Threads sleep on a condition variable between jobs. The pool is built at first use, never at import, and notices
 //! when the process was forked: threads do not survive a fork, so the child builds its own.
 
-use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use crate::fault::{Fault, caught};
+use std::panic::resume_unwind;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard};
 use std::thread::JoinHandle;
@@ -25,7 +26,7 @@ unsafe impl Send for Job {}
 struct State {
     job: Option<Job>,
     generation: u64,
-    panic: Option<Box<dyn std::any::Any + Send>>,
+    fault: Option<Fault>,
     stop: bool,
 }
 
@@ -113,16 +114,13 @@ impl Pool {
             self.shared.running.store(self.helpers.len(), Ordering::Relaxed);
         }
         self.shared.wake.notify_all();
-        let own = catch_unwind(AssertUnwindSafe(|| work(0)));
+        let own = caught(|| work(0)).err();
         let mut state = self.shared.wait();
         state.job = None;
-        let helpers = state.panic.take();
+        let fault = own.or(state.fault.take());
         drop(state);
-        if let Err(panic) = own {
-            resume_unwind(panic);
-        }
-        if let Some(panic) = helpers {
-            resume_unwind(panic);
+        if let Some(fault) = fault {
+            resume_unwind(Box::new(fault));
         }
     }
 }
@@ -178,9 +176,8 @@ fn help(shared: &Shared, thread: usize) {
         };
         // SAFETY: `run` keeps the work alive until `running` is 0, which happens below.
         let work = unsafe { &*job.0 };
-        let result = catch_unwind(AssertUnwindSafe(|| work(thread)));
-        if let Err(panic) = result {
-            shared.lock().panic = Some(panic);
+        if let Err(fault) = caught(|| work(thread)) {
+            shared.lock().fault = Some(fault);
         }
         if shared.running.fetch_sub(1, Ordering::AcqRel) == 1 {
             // Under the lock, lest the caller falls asleep between its look at `running` and this.
@@ -201,7 +198,7 @@ impl Drop for Pool {
         self.shared.lock().stop = true;
         self.shared.wake.notify_all();
         for helper in self.helpers.drain(..) {
-            // A helper cannot have panicked: its work runs under catch_unwind.
+            // A helper cannot have panicked: its work runs under `caught`.
             let _ = helper.join();
         }
     }
@@ -226,8 +223,15 @@ mod tests {
     #[test]
     fn a_panic_reaches_the_caller_and_the_pool_lives_on() {
         let pool = Pool::new(2).unwrap();
-        let result = catch_unwind(AssertUnwindSafe(|| pool.run(&|_| panic!("on purpose"))));
-        assert!(result.is_err());
+        // Whichever thread it was: what happened and where is not lost on the way.
+        let only = |thread| {
+            let work = move |this| assert!(this != thread, "on purpose");
+            caught(|| pool.run(&work)).unwrap_err()
+        };
+        for fault in [only(0), only(1)] {
+            assert_eq!(fault.what, "on purpose");
+            assert!(fault.place.starts_with(file!()), "{fault}");
+        }
         let calls = AtomicUsize::new(0);
         pool.run(&|_| {
             calls.fetch_add(1, Ordering::Relaxed);

@@ -6,7 +6,7 @@ use super::plant::{Plant, Start};
 use super::sensors;
 use super::sim::BareFin;
 use crate::batch::Machine;
-use crate::draw::exact_parameters;
+use crate::draw::{Draw, exact_parameters};
 use crate::episodes::ResetOptions;
 use crate::error::{Error, Result};
 use crate::fluid::terms::ByKind;
@@ -18,6 +18,7 @@ use crate::seed::Stream;
 use crate::simulation::Simulation;
 use crate::spec::Space;
 use crate::vec2::Vec2;
+use crate::watch::Watch;
 use serde_json::{Map, Value, json};
 
 /// Work of the servo since the episode began below which no efficiency is told \[J\]: that of a fin which hardly
@@ -91,7 +92,11 @@ impl Machine for Fin {
         Plant::new(&self.config)
     }
 
-    fn check(&self, options: &ResetOptions) -> Result<Start> {
+    fn draws(&self) -> &[Draw] {
+        &self.config.draws
+    }
+
+    fn check(&self, options: &ResetOptions, _draws: &[Draw]) -> Result<Start> {
         let parameters = exact_parameters(&options.parameters, &self.table)?;
         let read = |value: &Value| {
             let allowed = "{'positions': (n, 2), 'velocities': (n, 2)}";
@@ -107,10 +112,11 @@ impl Machine for Fin {
         &self,
         plant: &mut Plant<R>,
         lane: usize,
+        draws: &[Draw],
         stream: &mut Stream,
         start: &Start,
     ) {
-        plant.begin(&self.config, lane, stream, start);
+        plant.begin(&self.config, lane, draws, stream, start);
     }
 
     #[inline(always)]
@@ -120,8 +126,9 @@ impl Machine for Fin {
         actions: &[R],
         _active: R::Mask,
         _streams: &mut [Stream],
+        watch: Watch<'_>,
     ) -> R::Mask {
-        plant.control_step(&self.config, actions[0])
+        plant.control_step(&self.config, actions[0], watch)
     }
 
     #[inline(always)]

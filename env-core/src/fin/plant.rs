@@ -5,10 +5,12 @@ use super::config::Config;
 use super::motion::Loads;
 use super::parameters::Parameters;
 use super::servo::Servo;
+use crate::draw::Draw;
 use crate::lane::{Lanewise, Mask, Real};
 use crate::lanewise;
 use crate::seed::Stream;
 use crate::vec2::Vec2;
+use crate::watch::Watch;
 
 /// Positions and velocities of the nodes, and the pitch.
 type Motion = (Vec<Vec2<f64>>, Vec<Vec2<f64>>, f64);
@@ -98,11 +100,18 @@ impl<R: Real> Plant<R> {
     }
 
     /// Draws and sets the start of an episode: parameters in the table's order, pitch, demand.
-    pub fn begin(&mut self, config: &Config, lane: usize, stream: &mut Stream, start: &Start) {
+    pub fn begin(
+        &mut self,
+        config: &Config,
+        lane: usize,
+        draws: &[Draw],
+        stream: &mut Stream,
+        start: &Start,
+    ) {
         // Nothing has been measured yet.
         self.visit_mut(&mut |x| x.set(lane, 0.0));
         let parameters = values(|i| {
-            let drawn = config.draws[i].draw(stream);
+            let drawn = draws[i].draw(stream);
             start.parameters.get(i).copied().flatten().unwrap_or(drawn)
         });
         let mut pitch = stream.uniform(config.start_pitch.0, config.start_pitch.1);
@@ -125,7 +134,7 @@ impl<R: Real> Plant<R> {
 
     /// One control step under an action in [-1, 1]. Returns where the solver succeeded.
     #[inline(always)]
-    pub fn control_step(&mut self, config: &Config, action: R) -> R::Mask {
+    pub fn control_step(&mut self, config: &Config, action: R, watch: Watch<'_>) -> R::Mask {
         for i in (1..self.commands.len()).rev() {
             self.commands[i] = self.commands[i - 1];
         }
@@ -138,11 +147,14 @@ impl<R: Real> Plant<R> {
         let mut sound = R::Mask::splat(true);
         self.mean = Loads::default();
         for step in 0..config.substeps {
+            if watch.stops() {
+                break;
+            }
             // During the first part of the step the command before is still on its way.
             let command = self.commands[if step < part { old + 1 } else { old }];
             let pitch = self.servo.angle;
             self.servo.advance(command * scale, &config.ticks);
-            sound = sound.and(self.body.step(self.servo.angle));
+            sound = sound.and(self.body.step_unless(self.servo.angle, watch));
             let loads = self.body.loads;
             self.mean.add(share, &loads);
             self.follow_stroke(pitch, dt);

@@ -10,6 +10,7 @@ use super::workspace::Workspace;
 use crate::lane::{Lanewise, Mask, Real};
 use crate::solver::{Part, Stage, System};
 use crate::vec2::Vec2;
+use crate::watch::Watch;
 
 /// Newton has converged when the coordinates together move by less than this \[m\]. Convergence is quadratic: the
 /// iterate after such a move is exact to rounding.
@@ -20,13 +21,19 @@ impl<R: Real> Body<R> {
     /// the others keep their state.
     #[inline(always)]
     pub fn step(&mut self, pitch: R) -> R::Mask {
+        self.step_unless(pitch, Watch::nobody())
+    }
+
+    /// The same, ending when who watches says so.
+    #[inline(always)]
+    pub fn step_unless(&mut self, pitch: R, watch: Watch<'_>) -> R::Mask {
         let Body { design, rod, water, perimeter, hull_mass, hull_drag, .. } = self;
         let (hull_mass, hull_drag) = (*hull_mass, *hull_drag);
         let elements = Elements { design, rod, water, perimeter, hull_mass, hull_drag };
         let (now, work, loads) = (&mut self.now, &mut self.work, Loads::default());
         let (arm, from, to) = (Vec2::zero(), self.pitch, pitch);
         let mut swing = Swing { elements, now, work, from, to, arm, loads, mean: loads };
-        let taken = self.solver.step(&mut swing, &mut self.past, R::Mask::splat(true));
+        let taken = self.solver.step(&mut swing, &mut self.past, R::Mask::splat(true), watch);
         self.loads.take(taken, &swing.mean);
         self.pitch = R::select(taken, pitch, from);
         taken

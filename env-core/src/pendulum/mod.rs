@@ -26,6 +26,7 @@ use crate::seed::Stream;
 use crate::simulation::Simulation;
 use crate::solver::Scheme;
 use crate::spec::Space;
+use crate::watch::Watch;
 use config::{at, verlet_limit};
 use serde_json::{Map, Value, json};
 
@@ -39,6 +40,27 @@ impl Pendulum {
     /// The configuration.
     pub fn config(&self) -> &Config {
         &self.config
+    }
+
+    /// Refuses parameters within these bounds for which the Verlet stepper's step, which stays as it is, is too long.
+    fn check_stable(&self, bounds: &[(f64, f64)]) -> Result<()> {
+        let config = &self.config;
+        if config.scheme != Scheme::Verlet {
+            return Ok(());
+        }
+        let limit = verlet_limit(config.nodes, bounds);
+        if config.physics_dt <= limit {
+            return Ok(());
+        }
+        let shown = |(p, &(low, high)): (&Parameter, &(f64, f64))| {
+            (p.name.to_owned(), if low == high { json!(low) } else { json!([low, high]) })
+        };
+        let given: Map<_, _> = PARAMETERS.iter().zip(bounds).map(shown).collect();
+        let allowed = format!(
+            "such that the verlet stepper is stable: its limit would be {limit:.3e} s, but physics_dt is {:.3e} s (make the environment with stepper='implicit' or a smaller physics_dt)",
+            config.physics_dt
+        );
+        Err(Error::parameter("parameters", Value::Object(given), allowed))
     }
 
     fn check_state(&self, value: &Value) -> Result<State> {
@@ -121,23 +143,23 @@ impl Machine for Pendulum {
         Plant::new(&self.config)
     }
 
-    fn check(&self, options: &ResetOptions) -> Result<Start> {
+    fn draws(&self) -> &[Draw] {
+        &self.config.draws
+    }
+
+    fn check_draws(&self, draws: &[Draw]) -> Result<()> {
+        let bounds: Vec<_> = draws.iter().map(Draw::bounds).collect();
+        self.check_stable(&bounds)
+    }
+
+    fn check(&self, options: &ResetOptions, draws: &[Draw]) -> Result<Start> {
         let parameters = exact_parameters(&options.parameters, PARAMETERS)?;
-        let config = &self.config;
-        if config.scheme == Scheme::Verlet && parameters.iter().any(Option::is_some) {
+        if parameters.iter().any(Option::is_some) {
             let bounds = |(draw, exact): (&Draw, &Option<f64>)| {
                 exact.map_or(draw.bounds(), |value| (value, value))
             };
-            let bounds: Vec<_> = config.draws.iter().zip(&parameters).map(bounds).collect();
-            let limit = verlet_limit(config.nodes, &bounds);
-            if config.physics_dt > limit {
-                let given = Value::Object(options.parameters.clone());
-                let allowed = format!(
-                    "such that the verlet stepper is stable: its limit would be {limit:.3e} s, but physics_dt is {:.3e} s (make the environment with stepper='implicit' or a smaller physics_dt)",
-                    config.physics_dt
-                );
-                return Err(Error::parameter("parameters", given, allowed));
-            }
+            let bounds: Vec<_> = draws.iter().zip(&parameters).map(bounds).collect();
+            self.check_stable(&bounds)?;
         }
         let state = options.state.as_ref().map(|value| self.check_state(value)).transpose()?;
         Ok(Start { parameters, state })
@@ -147,10 +169,11 @@ impl Machine for Pendulum {
         &self,
         plant: &mut Plant<R>,
         lane: usize,
+        draws: &[Draw],
         stream: &mut Stream,
         start: &Start,
     ) {
-        plant.begin(&self.config, lane, stream, start);
+        plant.begin(&self.config, lane, draws, stream, start);
     }
 
     #[inline(always)]
@@ -160,6 +183,7 @@ impl Machine for Pendulum {
         actions: &[R],
         active: R::Mask,
         streams: &mut [Stream],
+        watch: Watch<'_>,
     ) -> R::Mask {
         let mut disturbance = R::zero();
         if self.config.disturbance > 0.0 {
@@ -172,7 +196,7 @@ impl Machine for Pendulum {
             };
             disturbance = R::from_fn(draw);
         }
-        plant.control_step(&self.config, actions[0], disturbance)
+        plant.control_step(&self.config, actions[0], disturbance, watch)
     }
 
     #[inline(always)]

@@ -1,12 +1,14 @@
 //! The pendulum itself: rod, motor and sensors of `R::LANES` environments.
 
 use super::config::{COUNT, Config, at, uniform};
+use crate::draw::Draw;
 use crate::lane::{Lanewise, Mask, Real};
 use crate::lanewise;
 use crate::rod::{Motion, Rod};
 use crate::seed::Stream;
 use crate::solver::{Constant, Integrator};
 use crate::vec2::Vec2;
+use crate::watch::Watch;
 
 /// Pendulums side by side.
 #[derive(Clone, Debug)]
@@ -81,9 +83,16 @@ impl<R: Real> Plant<R> {
     }
 
     /// Draws and sets the start of an episode: parameters in the table's order, angle, bend.
-    pub fn begin(&mut self, config: &Config, lane: usize, stream: &mut Stream, start: &Start) {
+    pub fn begin(
+        &mut self,
+        config: &Config,
+        lane: usize,
+        draws: &[Draw],
+        stream: &mut Stream,
+        start: &Start,
+    ) {
         let mut values = [0.0; COUNT];
-        for (i, draw) in config.draws.iter().enumerate() {
+        for (i, draw) in draws.iter().enumerate() {
             let drawn = draw.draw(stream);
             values[i] = start.parameters.get(i).copied().flatten().unwrap_or(drawn);
         }
@@ -139,7 +148,13 @@ impl<R: Real> Plant<R> {
     /// One control step under an action in [-1, 1] and a disturbing torque \[N m\]. Returns where the solver
     /// succeeded.
     #[inline(always)]
-    pub fn control_step(&mut self, config: &Config, action: R, disturbance: R) -> R::Mask {
+    pub fn control_step(
+        &mut self,
+        config: &Config,
+        action: R,
+        disturbance: R,
+        watch: Watch<'_>,
+    ) -> R::Mask {
         self.action = action;
         let command = action * self.parameters[at::TORQUE_LIMIT];
         let (old, part) = (config.delay / config.substeps, config.delay % config.substeps);
@@ -156,7 +171,7 @@ impl<R: Real> Plant<R> {
             self.torque = command + disturbance;
             if steps > 0 {
                 let drive = Constant(self.torque);
-                sound = sound.and(integrator.advance(rod, motion, &drive, steps));
+                sound = sound.and(integrator.advance_unless(rod, motion, &drive, steps, watch));
             }
         }
         self.posture = self.take_posture();

@@ -3,6 +3,7 @@
 use super::scheme::{Scheme, Stage, Table};
 use crate::lane::{Lanewise, Mask, Real};
 use crate::lanewise;
+use crate::watch::Watch;
 
 /// Newton iterations before a stage counts as failed.
 const ITERATIONS: usize = 12;
@@ -103,7 +104,8 @@ impl<M: Mask, S> Solver<M, S> {
         Solver { table, dt, start: state(), part: state(), origin: state(), parts }
     }
 
-    /// Takes one step in `lanes`. Returns where it was taken; all other lanes keep their state.
+    /// Takes one step in `lanes`, unless who watches stops it. Returns where it was taken; all other lanes keep their
+    /// state.
     ///
     /// Where a part of the step fails, its two halves are taken instead, each of which may fail again. (One loop, so
     /// that a system's equations are compiled once.)
@@ -113,6 +115,7 @@ impl<M: Mask, S> Solver<M, S> {
         system: &mut Y,
         past: &mut Past<R, S>,
         lanes: M,
+        watch: Watch<'_>,
     ) -> M
     where
         S: Lanewise<R, Of<R> = S>,
@@ -122,7 +125,7 @@ impl<M: Mask, S> Solver<M, S> {
         let mut sound = lanes;
         parts[0] = Part { from: 0.0, size: 1.0, lanes };
         let mut waiting = 1;
-        while waiting > 0 {
+        while waiting > 0 && !watch.stops() {
             waiting -= 1;
             let mut part = parts[waiting];
             part.lanes = part.lanes.and(sound);

@@ -6,6 +6,7 @@ use crate::lane::{Lanewise, Mask, Real};
 use crate::lanewise;
 use crate::rod::{Motion, Rod};
 use crate::vec2::Vec2;
+use crate::watch::Watch;
 
 /// How often a failing run of Verlet steps may be repeated with half the step.
 const VERLET_HALVINGS: u32 = 5;
@@ -74,17 +75,33 @@ impl<R: Real> Integrator<R> {
         drive: &D,
         steps: usize,
     ) -> R::Mask {
+        self.advance_unless(rod, motion, drive, steps, Watch::nobody())
+    }
+
+    /// The same, ending when who watches says so.
+    #[inline(always)]
+    pub fn advance_unless<D: Drive<R>>(
+        &mut self,
+        rod: &Rod<R>,
+        motion: &mut Motion<R>,
+        drive: &D,
+        steps: usize,
+        watch: Watch<'_>,
+    ) -> R::Mask {
         let Integrator { past, method } = self;
         match method {
             Method::Verlet(run) => {
                 let torque = drive.torque(&motion.x, &motion.v);
-                run.advance(rod, motion, torque, steps)
+                run.advance(rod, motion, torque, steps, watch)
             }
             Method::Implicit(solver, work) => {
                 let mut system = Pinned { rod, motion, drive, work };
                 let mut sound = R::Mask::splat(true);
                 for _ in 0..steps {
-                    sound = solver.step(&mut system, past, sound);
+                    if watch.stops() {
+                        break;
+                    }
+                    sound = solver.step(&mut system, past, sound, watch);
                 }
                 sound
             }
@@ -124,12 +141,14 @@ impl<R: Real> Verlet<R> {
         motion: &mut Motion<R>,
         torque: R,
         steps: usize,
+        watch: Watch<'_>,
     ) -> R::Mask {
         self.saved.copy_from(motion);
         let mut left = R::Mask::splat(true);
         for halving in 0..=VERLET_HALVINGS {
             let parts = 1usize << halving;
-            let sound = verlet(rod, motion, torque, self.dt / parts as f64, steps * parts);
+            let dt = self.dt / parts as f64;
+            let sound = verlet(rod, motion, torque, dt, steps * parts, watch);
             if halving == 0 && sound.all() {
                 return sound;
             }

@@ -4,6 +4,10 @@ use super::FOLDED;
 use crate::lane::{Mask, Real};
 use crate::rod::{Motion, Rod, forces};
 use crate::vec2::Vec2;
+use crate::watch::Watch;
+
+/// Steps between two looks at who watches.
+const LOOK: usize = 64;
 
 /// Sets the carried acceleration of a motion whose positions and velocities were just chosen.
 #[inline(always)]
@@ -25,6 +29,7 @@ pub fn verlet<R: Real>(
     torque: R,
     dt: f64,
     steps: usize,
+    watch: Watch<'_>,
 ) -> R::Mask {
     let nodes = rod.nodes();
     let (dt, half) = (R::splat(dt), R::splat(0.5 * dt));
@@ -33,20 +38,25 @@ pub fn verlet<R: Real>(
     let kick = half * torque * rod.inverse_mass[1];
     let mut base = base_gradient(x);
     let mut openness = R::splat(2.0);
-    for _ in 0..steps {
-        v[1] += base.scale(kick);
-        for i in 1..nodes {
-            v[i] += a[i].scale(half);
-            x[i] += v[i].scale(dt);
+    let mut left = steps;
+    while left > 0 && !watch.stops() {
+        let run = left.min(LOOK);
+        left -= run;
+        for _ in 0..run {
+            v[1] += base.scale(kick);
+            for i in 1..nodes {
+                v[i] += a[i].scale(half);
+                x[i] += v[i].scale(dt);
+            }
+            let shape = forces(rod, x, v, a);
+            accelerate(rod, a);
+            openness = openness.min(shape.openness);
+            base = shape.base;
+            for i in 1..nodes {
+                v[i] += a[i].scale(half);
+            }
+            v[1] += base.scale(kick);
         }
-        let shape = forces(rod, x, v, a);
-        accelerate(rod, a);
-        openness = openness.min(shape.openness);
-        base = shape.base;
-        for i in 1..nodes {
-            v[i] += a[i].scale(half);
-        }
-        v[1] += base.scale(kick);
     }
     let mut sound = R::splat(FOLDED).lt(openness);
     for i in 1..nodes {

@@ -19,6 +19,8 @@ pub struct Counters {
     mode: AutoresetMode,
     limit: Option<u32>,
     rows: Vec<(u32, f32, bool)>,
+    /// What `configure` has set.
+    told: Vec<Option<f64>>,
 }
 
 impl Counters {
@@ -65,6 +67,7 @@ impl Counters {
             mode: options.autoreset_mode,
             limit: options.max_episode_steps,
             rows: vec![(0, 0.0, false); options.num_envs],
+            told: vec![None; options.num_envs],
         }))
     }
 
@@ -108,6 +111,7 @@ impl VectorEnv for Counters {
                     Seeds::Base(base) => *base as f64 + i as f64,
                     Seeds::Each(each) => each[i].map_or(-1.0, |s| s as f64),
                 };
+                out.parameters[i] = self.told[i].unwrap_or(out.parameters[i]);
             }
             self.write(i, &mut out.observation[2 * i..2 * i + 2]);
         }
@@ -138,6 +142,23 @@ impl VectorEnv for Counters {
                 }
             }
             self.write(i, &mut out.observation[2 * i..2 * i + 2]);
+        }
+        Ok(())
+    }
+    /// Tells the value of `seed` in place of the seed; knows no ranges.
+    fn configure(&mut self, range: std::ops::Range<usize>, settings: &Settings) -> Result<()> {
+        let unknown =
+            |name: &String| Error::UnknownParameter { name: name.clone(), known: "seed".into() };
+        let mut names = settings.parameters.keys().filter(|name| *name != "seed");
+        if let Some(name) = names.next().or(settings.randomize.keys().next()) {
+            return Err(unknown(name));
+        }
+        for (k, index) in range.enumerate() {
+            let value = settings.parameters.get("seed").and_then(|value| match value {
+                Value::Array(each) => each.get(k)?.as_f64(),
+                one => one.as_f64(),
+            });
+            self.told[index] = value.or(self.told[index]);
         }
         Ok(())
     }

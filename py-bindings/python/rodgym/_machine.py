@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import operator
-from enum import Enum
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +11,8 @@ from gymnasium.spaces import Box
 
 from rodgym import _native, machines
 from rodgym._checks import refused, snapshot, whole
+from rodgym._plain import plain as plain
+from rodgym._settings import Fixed, Settable
 
 if TYPE_CHECKING:
     from rodgym.backend import Batch
@@ -25,19 +26,6 @@ def box(space: dict[str, Any]) -> Any:
     """A Gymnasium `Box` from the core's bounds."""
     low, high = (np.asarray(space[side], dtype=np.float32) for side in ("low", "high"))
     return Box(low, high, dtype=np.float32)
-
-
-def plain(value: Any) -> Any:
-    """The value in types that JSON knows: enums by value, NumPy's types as Python's."""
-    if isinstance(value, Enum):
-        return value.value
-    if isinstance(value, np.generic | np.ndarray):
-        return value.tolist()
-    if isinstance(value, dict):
-        return {key: plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return type(value)(plain(item) for item in value)
-    return value
 
 
 def picture_size(size: Any) -> tuple[int, int] | None:
@@ -61,8 +49,11 @@ def pixels(name: str, side: Any) -> int:
     return whole(name, side, low, high, f"a whole number of pixels from {low} to {high}")
 
 
-class Machine:
-    """One environment's plant and snapshots: environment number `_index` of `_batch`."""
+class Machine(Settable, Fixed):
+    """One environment's plant, snapshots and settings: environment number `_index` of `_batch`.
+
+    Its keywords can be read as attributes; physical parameters have this episode's value.
+    """
 
     _batch: Batch
     _index: int = 0
@@ -145,7 +136,21 @@ class Machine:
                     f"this environment has a {mine.machine}, not a {about.machine}: "
                     f"see `.{mine.word}`"
                 )
+        if not name.startswith("_"):
+            if name in self._physical():
+                return self.parameters[name]
+            if name in (config := self.config):
+                return config[name]
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+
+    def _configure(self, parameters: dict[str, Any], randomize: dict[str, Any]) -> None:
+        self._batch.configure(self._index, 1, parameters, randomize)
+
+    def _keywords(self) -> dict[str, Any]:
+        return self.config
+
+    def _physical(self) -> list[str]:
+        return [parameter["name"] for parameter in self._batch.spec["parameters"]]
 
     def _simulation(self) -> _native.Simulation:
         """An exact copy of what runs, as the core has it."""
@@ -185,6 +190,7 @@ class Member(Machine):
         self._changed = changed
         self._render_size = render_size
         self.render_mode = render_mode
+        self._made = True
 
     def set_state(self, state: bytes) -> npt.NDArray[np.float32]:
         """See `Machine.set_state`; the batch is told."""

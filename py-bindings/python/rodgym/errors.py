@@ -25,6 +25,10 @@ class UnknownKeywordError(ParameterError, TypeError):
     """A keyword argument that an environment or simulation does not have."""
 
 
+class SettingError(RodgymError, AttributeError):
+    """An attribute that cannot be set, because that would change nothing."""
+
+
 class ShapeError(RodgymError, ValueError):
     """An array of the wrong shape or type."""
 

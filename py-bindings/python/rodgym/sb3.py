@@ -8,6 +8,7 @@ from __future__ import annotations
 import copy
 import inspect
 import math
+import warnings
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +27,7 @@ from rodgym import _native
 from rodgym._batch import Result, SeededBatch
 from rodgym._machine import Member, box, plain
 from rodgym._registration import REMOTE
+from rodgym._settings import Fixed, Many
 from rodgym.backend import LOCAL, Backend
 from rodgym.errors import EnvIndexError, ShapeError
 
@@ -93,7 +95,7 @@ class Monitor(VecMonitor):
         self.class_attributes = dict(inspect.getmembers(type(self)))
 
 
-class RodVecEnv(VecEnv):
+class RodVecEnv(Many, Fixed, VecEnv):
     """Many environments of one kind, stepped together in Rust, as Stable-Baselines3 wants them.
 
     Observations, rewards, dones and infos are those of `DummyVecEnv` over as many `gym.make`d
@@ -147,6 +149,8 @@ class RodVecEnv(VecEnv):
         self._named: list[dict[str, float]] = [{} for _ in range(self._batch.num_envs)]
         #: That of Stable-Baselines3: an ending step returns the reset observation.
         self.autoreset_mode = AutoresetMode.SAME_STEP
+        #: Whether options wait for a reset.
+        self._waiting = False
         #: How `gym.make` would make one of the environments; keywords in types that JSON knows.
         given = {**kwargs, "render_size": render_size}
         self.spec = self._describe(*backend.registered(env_id, given))
@@ -156,6 +160,7 @@ class RodVecEnv(VecEnv):
                 self.spec.kwargs["render_mode"] = render_mode
         super().__init__(self._batch.num_envs, box(about["observation"]), box(about["action"]))
         self.metadata["render_fps"] = round(1.0 / about["control_dt"])
+        self._made = True
 
     def _describe(self, env_id: str, kwargs: dict[str, Any]) -> EnvSpec | None:
         """The registered spec with these keywords, those left out not among them."""
@@ -176,7 +181,11 @@ class RodVecEnv(VecEnv):
         return super().seed(checks.seed(seed))
 
     def set_options(self, options: list[dict[str, Any]] | dict[str, Any] | None = None) -> None:
-        """Options of the next reset: one dictionary for all, or a list with one an environment."""
+        """Options of the next `reset`: one dictionary for all, or a list with one an environment.
+
+        Steps and their autoresets do not use them, as with any `VecEnv`, so that they do nothing in
+        a training: see `set_parameters`.
+        """
         if isinstance(options, list):
             if len(options) != self.num_envs:
                 given = len(options)
@@ -185,6 +194,7 @@ class RodVecEnv(VecEnv):
         else:
             options = checks.mapping("options", options)
         super().set_options(options)
+        self._waiting = any(self._options)
 
     def reset(self) -> npt.NDArray[np.float32]:
         """Starts all episodes, with the seeds and options set before, once."""
@@ -198,6 +208,7 @@ class RodVecEnv(VecEnv):
             self._note_parameters(result)
         self._reset_seeds()
         self._reset_options()
+        self._waiting = False
         return observation
 
     def step_async(self, actions: npt.NDArray[Any]) -> None:
@@ -208,6 +219,13 @@ class RodVecEnv(VecEnv):
         self,
     ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.bool_], list[dict]]:
         """One control step: observations, rewards (float32, as SB3 has them), dones, infos."""
+        if self._waiting:
+            self._waiting = False
+            warnings.warn(
+                "what set_options was given waits for reset(); steps and autoresets do not use it. "
+                "set_parameters changes parameters from the next episode on",
+                stacklevel=3,
+            )
         result = self._batch.step(self._actions)
         dones = result.terminated | result.truncated
         infos = self._step_infos(result)
@@ -272,7 +290,11 @@ class RodVecEnv(VecEnv):
         ]
 
     def set_attr(self, attr_name: str, value: Any, indices: Indices = None) -> None:
-        """Sets the attribute of each environment."""
+        """Sets the attribute of each environment.
+
+        Raises:
+            SettingError: no attribute that can be set; parameters have `set_parameters`.
+        """
         for member in self._targets(indices):
             setattr(member, attr_name, value)
 

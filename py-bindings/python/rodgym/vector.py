@@ -14,6 +14,7 @@ from rodgym import _checks as checks
 from rodgym._batch import Flags, Floats, Observations, SeededBatch, Seeds
 from rodgym._infos import InfoBuilder
 from rodgym._machine import Frame, Member, box, plain
+from rodgym._settings import Fixed, Many
 from rodgym.backend import LOCAL, Backend
 from rodgym.errors import ShapeError
 
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 __all__ = ["RodVectorEnv"]
 
 
-class RodVectorEnv(VectorEnv[Observations, Any, Any]):
+class RodVectorEnv(Many, Fixed, VectorEnv[Observations, Any, Any]):
     """Many environments of one kind, stepped together in Rust.
 
     `gym.make_vec("rodgym/PendulumSwingUp-v0", num_envs=1024)` makes one. Observations, rewards,
@@ -101,6 +102,7 @@ class RodVectorEnv(VectorEnv[Observations, Any, Any]):
         shape = self.observation_space.shape
         assert shape is not None
         self._out = None if copy else np.zeros(shape, dtype=np.float32)
+        self._made = True
 
     @property
     def spec(self) -> EnvSpec | None:  # type: ignore[override]
@@ -229,7 +231,11 @@ class RodVectorEnv(VectorEnv[Observations, Any, Any]):
         return self.call(name)
 
     def set_attr(self, name: str, values: Any) -> None:
-        """Sets the attribute `name` of each environment: a list or tuple gives each its own."""
+        """Sets the attribute `name` of each environment: a list or tuple gives each its own.
+
+        Raises:
+            SettingError: no attribute that can be set; parameters have `set_parameters`.
+        """
         if not isinstance(values, list | tuple):
             values = [values] * self.num_envs
         if len(values) != self.num_envs:

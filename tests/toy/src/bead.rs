@@ -10,6 +10,7 @@ use rodgym_core::lanewise;
 use rodgym_core::reader::Reader;
 use rodgym_core::seed::Stream;
 use rodgym_core::simulation::Simulation;
+use rodgym_core::watch::Watch;
 use serde_json::{Map, Value};
 
 /// Physical parameters of an episode.
@@ -116,7 +117,11 @@ impl Machine for Bead {
         Plant { stiffness: R::splat(self.draws[0].bounds().0), x: R::zero(), v: R::zero() }
     }
 
-    fn check(&self, options: &ResetOptions) -> Result<Self::Start> {
+    fn draws(&self) -> &[Draw] {
+        &self.draws
+    }
+
+    fn check(&self, options: &ResetOptions, _: &[Draw]) -> Result<Self::Start> {
         if let Some(state) = &options.state {
             return Err(Error::parameter("state", state, "left out: a bead starts by itself"));
         }
@@ -127,10 +132,11 @@ impl Machine for Bead {
         &self,
         plant: &mut Plant<R>,
         lane: usize,
+        draws: &[Draw],
         stream: &mut Stream,
         start: &Self::Start,
     ) {
-        let drawn = self.draws[0].draw(stream);
+        let drawn = draws[0].draw(stream);
         plant.stiffness.set(lane, start.first().copied().flatten().unwrap_or(drawn));
         plant.x.set(lane, stream.uniform(-1.0, 1.0));
         plant.v.set(lane, 0.0);
@@ -143,6 +149,7 @@ impl Machine for Bead {
         actions: &[R],
         _: R::Mask,
         _: &mut [Stream],
+        _: Watch<'_>,
     ) -> R::Mask {
         let force = actions[0] * R::splat(FORCE);
         for _ in 0..SUBSTEPS {

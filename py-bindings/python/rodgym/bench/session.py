@@ -8,6 +8,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +23,7 @@ DEFAULT = "PendulumSwingUp, n = 1024"
 TWO_THREADS = "PendulumSwingUp, n = 1024, 2 threads"
 THESIS = "thesis (backward Euler 0.1 ms), n = 1024"
 #: Rods beside the default: name, keywords, environment steps/s to reach (None: only stated).
-OTHERS: tuple[tuple[str, dict[str, object], float | None], ...] = (
+OTHERS: tuple[tuple[str, dict[str, Any], float | None], ...] = (
     ("21 nodes", {"nodes": 21}, 200_000.0),
     ("31 nodes", {"nodes": 31}, 100_000.0),
     ("101 nodes", {"nodes": 101}, 30_000.0),

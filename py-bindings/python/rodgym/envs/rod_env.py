@@ -60,6 +60,7 @@ class RodEnv(Machine, gym.Env[Vector, Vector]):
         self.render_mode = render_mode
         self.observation_space = box(about["observation"])
         self.action_space = box(about["action"])
+        self._made = True
 
     @property
     def spec(self) -> EnvSpec | None:  # type: ignore[override]

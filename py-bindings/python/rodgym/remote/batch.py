@@ -20,6 +20,8 @@ from rodgym.remote.errors import RemoteError
 from rodgym.remote.session import Session, in_parts
 from rodgym.remote.wire import Arrays, Reply, damaged, reading, split_lists
 
+#: Longest list of numbers that travels in a header.
+IN_HEADER = 16
 #: Bits of the `flags` array.
 TERMINATED, TRUNCATED, STEPPED, BEGAN, SOLVER_FAILURE, FINAL = (1 << i for i in range(6))
 
@@ -169,6 +171,21 @@ class RemoteBatch(Session):
         with self._turn:
             for call in in_parts(first, states, self.message_bytes):
                 self._change(*call, lambda reply: None)
+
+    def configure(
+        self, first: int, count: int, parameters: dict[str, Any], randomize: dict[str, Any]
+    ) -> None:
+        """Changes how parameters are drawn; see `_native.Batch.configure`."""
+        p: dict[str, Any] = {"first": first, "count": count, "randomize": randomize}
+        # A header has no room for long lists.
+        long = {
+            name: value
+            for name, value in parameters.items()
+            if isinstance(value, list) and len(value) > IN_HEADER
+        }
+        p["parameters"] = {k: value for k, value in parameters.items() if k not in long}
+        arrays = {f"parameters:{k}": np.array(value, np.float64) for k, value in long.items()}
+        self._change("set_parameters", p, arrays, lambda reply: None)
 
     def observe(self, index: int) -> npt.NDArray[np.float32]:
         """The last observation of environment `index`."""

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from rodgym import _native
 from rodgym._checks import count, matrix, refused
+from rodgym._settings import Fixed
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -17,12 +18,13 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 
-class Simulation:
+class Simulation(Fixed):
     """One bare machine in Rust, by itself."""
 
     #: The word that the core knows the machine by; empty: a copy of any (`of`).
     machine: ClassVar[str] = ""
     _native: _native.Simulation
+    _made = True
 
     def __init__(self, **keywords: Any) -> None:
         self._native = _native.Simulation(self.machine, keywords)
@@ -100,6 +102,13 @@ class Simulation:
         `fluid` (relative to the flow).
         """
         return self._native.energy()
+
+    def _keywords(self) -> dict[str, Any]:
+        return self.config
+
+    def _physical(self) -> list[str]:
+        # A bare machine keeps what it was made with.
+        return []
 
     def __copy__(self) -> Self:
         twin = object.__new__(type(self))
