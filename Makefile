@@ -122,11 +122,16 @@ controllers: extension ## long: every claim of the controllers on 100 seeds, wri
 scores: extension ## long: trains on several seeds and writes docs/scores.md
 	$(BIN)/python tests/long/scores.py
 
-# What the build says is shown when it fails.
+# A terminal sees cargo's progress; elsewhere what the build says is shown when it fails.
 extension: venv
-	@echo "building the extension ..."
-	@$(BIN)/maturin develop --release --quiet $(or $(FEATURES),--features default) > $(VENV)/build.log 2>&1 \
-		|| { cat $(VENV)/build.log >&2; exit 1; }
+	@if [ -t 2 ]; then \
+		echo "building the extension (the first time some 2 to 8 minutes of two cores; then what has changed) ..."; \
+		$(BIN)/maturin develop --release $(or $(FEATURES),--features default); \
+	else \
+		echo "building the extension ..."; \
+		$(BIN)/maturin develop --release --quiet $(or $(FEATURES),--features default) > $(VENV)/build.log 2>&1 \
+			|| { cat $(VENV)/build.log >&2; exit 1; }; \
+	fi
 
 # The environment is made once, and again when the project's dependencies change (by their text:
 # in a fresh clone every file is new).
@@ -137,7 +142,8 @@ set-up:
 	@echo "setting up $(VENV) (once; downloads PyTorch) ..."; began=$$SECONDS; \
 	$(PYTHON) -m venv $(VENV); \
 	$(BIN)/python -m pip install --quiet 'maturin>=1.9,<2'; \
-	$(BIN)/maturin develop --release --quiet --features default --extras $(EXTRAS); \
+	quiet=--quiet; if [ -t 2 ]; then quiet=; fi; \
+	$(BIN)/maturin develop --release $$quiet --features default --extras $(EXTRAS); \
 	cp pyproject.toml $(VENV)/.ready; \
 	echo "set-up took $$((SECONDS - began)) s"
 

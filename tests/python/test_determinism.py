@@ -39,7 +39,16 @@ def trajectory(env_id: str, num_envs: int, threads: int, steps: int = STEPS, **k
 
 
 @pytest.mark.parametrize("env_id", PENDULUMS)
-@pytest.mark.parametrize("kwargs", [{}, RANDOM, {"stepper": "implicit", "physics_dt": 1e-3}])
+@pytest.mark.parametrize(
+    "kwargs",
+    [
+        {},
+        RANDOM,
+        {"stepper": "implicit", "physics_dt": 1e-3},
+        {"stepper": "esdirk3"},
+        {"stepper": "bdf2"},
+    ],
+)
 def test_batch_size_and_threads_change_nothing(env_id, kwargs):
     expected = trajectory(env_id, LONGEST, 2, **kwargs)
     assert len(set(expected)) == LONGEST

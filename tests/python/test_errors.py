@@ -374,4 +374,4 @@ def test_every_exception_is_a_rodgym_error():
         c for c in vars(errors).values() if isinstance(c, type) and c.__module__ == errors.__name__
     ]
     assert len(classes) >= 9
-    assert all(issubclass(c, errors.RodgymError) for c in classes)
+    assert all(issubclass(c, errors.RodgymError | Warning) for c in classes)

@@ -16,6 +16,7 @@ random = {"randomize": {"width": (0.006, 0.009)}, "sensor_noise": {"angle": 1e-3
 digest = hashlib.sha256()
 pendulum, fins = "rodgym/PendulumSwingUp-v0", ("rodgym/FinThrust-v0", "rodgym/FinSwim-v0")
 cases = [(pendulum, random), (pendulum, {"stepper": "implicit", "physics_dt": 1e-3})]
+cases += [(pendulum, {"stepper": word}) for word in ("bdf2", "tr_bdf2", "esdirk3")]
 cases += [(pendulum, {"thesis": True}), *((fin, {}) for fin in fins)]
 for id, kwargs in cases:
     env = gym.make_vec(id, num_envs=21, max_episode_steps=12, **kwargs)

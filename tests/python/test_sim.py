@@ -22,9 +22,9 @@ def test_free_swing_from_horizontal_ends_where_the_reference_ends():
     rod = Pendulum(bending_damping=0.0)
     rod.set_angles(HORIZONTAL)
     assert rod.energy()["total"] == pytest.approx(0.0, abs=1e-12)
-    rod.step(0.0, n=5000)
+    rod.step(0.0, n=2000)
     assert rod.time == pytest.approx(1.0)
-    # Independent converged run; Verlet at 2e-4 s is within 0.01 mm of it.
+    # Independent converged run; the default, Verlet at 5e-4 s, is within 0.01 mm of it.
     assert rod.positions[-1] == pytest.approx([0.298143, -0.033309], abs=1e-5)
     energy = rod.energy()
     parts = sum(energy[kind] for kind in ("kinetic", "stretch", "bend", "gravity"))
@@ -46,7 +46,7 @@ def test_many_steps_are_one_step_many_times():
     many.step(0.03, n=100)
     assert np.array_equal(one.positions, many.positions)
     assert np.array_equal(one.velocities, many.velocities)
-    assert one.time == many.time == pytest.approx(0.02)
+    assert one.time == many.time == pytest.approx(0.05)
 
 
 def test_poles_about_upright():
@@ -226,7 +226,9 @@ def test_ctrl_c_ends_a_long_run_and_leaves_the_state_before_it(nodes):
     assert rod.time == pytest.approx(5e-3)
 
 
-@pytest.mark.parametrize("stepper", ["verlet", "implicit", "backward_euler"])
+@pytest.mark.parametrize(
+    "stepper", ["verlet", "implicit", "backward_euler", "bdf2", "tr_bdf2", "esdirk3"]
+)
 @pytest.mark.parametrize("members", [1, 9])
 def test_the_rod_of_an_environment_goes_on_with_its_bits(stepper, members):
     # What the stepper remembers (carried accelerations, first guesses) comes along.
