@@ -109,15 +109,19 @@ impl<'a> Reader<'a> {
         Ok(value)
     }
 
-    /// One of the table's words.
-    pub fn choice(&mut self, name: &str, default: &'static str) -> Result<&'static str> {
-        let found = self.read(name, |value, allowed| match allowed {
+    /// One of the table's words, if it was given; nothing is noted.
+    fn word(&self, name: &str) -> Result<Option<&'static str>> {
+        self.read(name, |value, allowed| match allowed {
             Allowed::Choice(words) => {
                 words.iter().copied().find(|word| Some(*word) == value.as_str())
             }
             _ => None,
-        })?;
-        let value = found.unwrap_or(default);
+        })
+    }
+
+    /// One of the table's words.
+    pub fn choice(&mut self, name: &str, default: &'static str) -> Result<&'static str> {
+        let value = self.word(name)?.unwrap_or(default);
         self.note(name, value);
         Ok(value)
     }
@@ -127,12 +131,7 @@ impl<'a> Reader<'a> {
     /// # Errors
     /// An unknown preset, or one that `thesis` contradicts.
     pub fn thesis(&mut self) -> Result<bool> {
-        let preset = self.read("preset", |value, _| value.as_str().map(str::to_owned))?;
-        if let Some(word) = &preset
-            && word != THESIS_PRESET
-        {
-            return Err(Error::parameter("preset", word, self.allowed("preset").text()));
-        }
+        let preset = self.word("preset")?;
         let thesis = self.flag(THESIS.name, preset.is_some())?;
         if preset.is_some() && !thesis {
             let allowed = "True, or left out, beside preset='burch2019'";

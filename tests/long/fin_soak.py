@@ -95,7 +95,14 @@ def soak(env_id: str, steps: int, num_envs: int, seed: int = 0, **kwargs: Any) -
         final = infos.get("final_info", {})
         for found in (infos, final):
             tally.failures += int(np.sum(found.get("solver_failure", False)))
-        numbers = [observation, reward, *(v for v in infos.values() if is_number(v))]
+        # (An info of a reset has no metrics: the ended step's stand in `final_info`.)
+        stepped = {
+            name: v for name, v in infos.items() if not name.startswith("_") and is_number(v)
+        }
+        for name, value in final.items():
+            if name in stepped:
+                stepped[name] = np.where(truncated, value, stepped[name])
+        numbers = [observation, reward, *stepped.values()]
         tally.not_finite += sum(int((~np.isfinite(n)).sum()) for n in numbers)
         outside = (observation < space.low) | (observation > space.high)
         tally.out_of_bounds += int(outside.sum())

@@ -128,7 +128,7 @@ def test_unknown_environment_names_the_known_ones():
         ([1j], errors.ShapeError, "1j"),
         (None, errors.ShapeError, "None"),
         ("x", errors.ShapeError, "'x'"),
-        ([[1.0], [2.0, 3.0]], errors.ShapeError, "must be an array of numbers"),
+        ([[1.0], [2.0, 3.0]], errors.ShapeError, "actions must be numbers"),
     ],
 )
 def test_actions_of_a_single_environment(action, error, named):

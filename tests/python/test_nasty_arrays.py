@@ -167,6 +167,8 @@ def fresh() -> dict[str, Callable[[Any], Any]]:
         "info_list failed": lambda x: _native.info_list(["a"], ["b"], EYE, OWN, flags, x),
         "analyse rod": _native.analyse,
         "analyse width": lambda x: _native.analyse({"width": x}),
+        "plain_values given": _native.plain_values,
+        "plain_values width": lambda x: _native.plain_values({"width": x}),
         "upright rod": _native.upright,
         "upright nodes": lambda x: _native.upright({"nodes": x}),
         "thesis_run rod": _native.thesis_run,

@@ -157,7 +157,8 @@ def test_what_is_wrong_with_a_case_is_said_as_without_ray(address, tmp_path):
 
 def test_a_case_that_kills_every_worker_ends_the_study(address, tmp_path, monkeypatch):
     monkeypatch.setattr("rodgym.ray.study.RETRIES", 0)
-    content = {"env": SWING_UP, "seeds": 500, "sweep": {"policy": "lqr"}}
+    # Long enough to be killed in.
+    content = {"env": SWING_UP, "seeds": 5000, "sweep": {"policy": "lqr"}}
     with pytest.raises(StudyError, match="given up after 1 lost workers"):
         run_study(
             parse(content, "x"),

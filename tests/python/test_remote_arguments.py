@@ -23,8 +23,9 @@ THRUST = "rodgym/FinThrust-v0"
 @pytest.fixture(scope="module")
 def server():
     # A message of 1 MiB, so that snapshots of a few hundred environments do not fit into one.
-    with Server("--max-message-mib", "1") as server:
-        yield server
+    server = Server("--max-message-mib", "1")
+    yield server
+    server.stop()
 
 
 def words(make) -> str:

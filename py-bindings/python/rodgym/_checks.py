@@ -21,11 +21,22 @@ Array = npt.NDArray[np.float64]
 
 #: Seeds are below this.
 SEEDS = 2**64
+#: Characters of a value in an error.
+SHOWN = 300
+
+
+def shown(value: Any) -> str:
+    """A value in an error: its `repr`, cut where long; its type where it has none."""
+    try:
+        text = repr(value)
+    except Exception:
+        text = f"<{type(value).__name__}>"
+    return text if len(text) <= SHOWN else f"{text[:SHOWN]}..."
 
 
 def refused(name: str, value: Any, allowed: str) -> ParameterError:
     """The error for a value that is not allowed."""
-    return ParameterError(f"{name} = {value!r} is not allowed: it must be {allowed}")
+    return ParameterError(f"{name} = {shown(value)} is not allowed: it must be {allowed}")
 
 
 def whole(name: str, value: Any, low: int, high: int | None, allowed: str) -> int:
@@ -147,7 +158,7 @@ def numbers(name: str, values: npt.ArrayLike, dtype: Any = np.float64) -> npt.ND
             raise TypeError(f"numbers of type {array.dtype}")
         return array.astype(dtype, copy=False)
     except (TypeError, ValueError, RuntimeError) as error:
-        raise ShapeError(f"{name} must be an array of numbers, but is {values!r}") from error
+        raise ShapeError(f"{name} must be an array of numbers, but is {shown(values)}") from error
 
 
 def as_array(values: Any) -> npt.NDArray[Any]:
@@ -172,9 +183,9 @@ def actions(values: Any) -> npt.NDArray[Any]:
     try:
         array = as_array(values)
     except (TypeError, ValueError, RuntimeError) as error:
-        raise ShapeError(f"actions must be numbers, but are {values!r}") from error
+        raise ShapeError(f"actions must be numbers, but are {shown(values)}") from error
     if array.dtype.kind not in "fiub":
-        raise ShapeError(f"actions must be numbers, but are {values!r}")
+        raise ShapeError(f"actions must be numbers, but are {shown(values)}")
     return array
 
 
