@@ -165,7 +165,8 @@ pub struct Motion<R> {
     /// Velocities \[m/s\].
     pub v: Vec<Vec2<R>>,
     /// What the stepper carries to the next step \[m/s^2\]: for Verlet the acceleration without the base
-    /// torque, for the implicit steppers that of the last stage.
+    /// torque, for the implicit steppers that of the last stage (TR-BDF2 and ESDIRK3 keep what of it is due to the
+    /// base torque in the place of the pinned node).
     pub a: Vec<Vec2<R>>,
     /// The acceleration of the stage before, for the implicit steppers \[m/s^2\].
     pub a_before: Vec<Vec2<R>>,

@@ -141,7 +141,7 @@ impl<M: Mask, S> Solver<M, S> {
             };
             let tried = part.lanes;
             for row in table.stages {
-                let stage = row.stage(&part, *dt, past.known);
+                let stage = row.stage(&part, *dt, past.known, table.stages[0].end);
                 system.predict(&stage, from, &past.before, origin);
                 let solved = newton(system, &stage, origin, part.lanes);
                 part.lanes = solved.and(system.complete(&stage, origin));

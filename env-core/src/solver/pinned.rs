@@ -24,6 +24,8 @@ pub struct Elimination<R> {
     border: Border<R>,
     /// Of the start of a step and of its stages: velocities, and accelerations.
     slopes: Vec<[Vec<Vec2<R>>; 2]>,
+    /// By how much the acceleration of the second node jumps at the start of a step, with the torque.
+    jump: Vec2<R>,
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -41,6 +43,7 @@ impl<R: Real> Elimination<R> {
             at_torque: vec![Vec2::zero(); nodes],
             border: Border::new(nodes),
             slopes: (0..slopes).map(|_| [zeros(), zeros()]).collect(),
+            jump: Vec2::zero(),
         }
     }
 }
@@ -128,10 +131,9 @@ impl<R: Real, D: Drive<R>> System<R> for Pinned<'_, R, D> {
     fn complete(&mut self, stage: &Stage<R>, _origin: &Motion<R>) -> R::Mask {
         if let Origin::Slopes { from, .. } = stage.origin {
             if stage.last {
-                // The torque may change from step to step: what is carried leaves it out.
-                let push = self.push();
-                self.motion.a[1] -= push;
-                self.motion.a_before[1] -= push;
+                // The torque may change from step to step: the place of the pinned node, which does not move, tells
+                // what of the second node's acceleration is due to it.
+                self.motion.a[0] = self.push();
             } else {
                 self.keep(from.len());
             }
@@ -175,13 +177,18 @@ impl<R: Real, D: Drive<R>> Pinned<'_, R, D> {
         start: &Motion<R>,
         origin: &mut Motion<R>,
     ) {
-        if let [_] = from {
-            let push = self.push();
-            self.motion.a[1] += push;
-            self.motion.a_before[1] += push;
+        let first = from.len() == 1;
+        if first {
+            let jump = self.push() - self.motion.a[0];
+            self.work.jump = jump;
             self.keep(0);
+            self.work.slopes[0][1][1] += jump;
         }
-        let slopes = &self.work.slopes;
+        let Elimination { slopes, jump, .. } = &*self.work;
+        // Where the torque jumps, the slope at the start is that of the second node torn off, which says nothing of
+        // where the rod goes: a guess by what was, and later by the velocities of the first stage.
+        let jumps = R::zero().lt(jump.x.abs() + jump.y.abs());
+        let along = R::splat(stage.end_of_part / stage.first_end);
         let Motion { x, v, a, a_before } = &mut *self.motion;
         std::mem::swap(a, a_before);
         for i in 1..x.len() {
@@ -194,11 +201,17 @@ impl<R: Real, D: Drive<R>> Pinned<'_, R, D> {
                 v0 += acceleration[i].scale(weight);
                 slope += acceleration[i].scale(R::splat(guess));
             }
-            if let [_] = from {
+            let steady = if first {
+                let weight = R::splat(from[0]) * stage.dt;
+                start.v[i] + a_before[i].scale(weight + stage.h)
+            } else {
+                start.v[i] + (slopes[1][0][i] - start.v[i]).scale(along)
+            };
+            if first {
                 slope += (slope - a[i]).scale(ahead);
             }
             (origin.x[i], origin.v[i]) = (x0, v0);
-            v[i] = v0 + slope.scale(stage.h);
+            v[i] = Vec2::select(jumps, steady, v0 + slope.scale(stage.h));
             x[i] = x0 + v[i].scale(stage.h);
         }
     }

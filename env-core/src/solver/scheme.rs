@@ -224,6 +224,10 @@ pub struct Stage<R> {
     pub dt: R,
     /// Whether the part ends here.
     pub last: bool,
+    /// Where the stage ends, and where the first one does, as shares of the part.
+    pub end_of_part: f64,
+    /// See `end_of_part`.
+    pub first_end: f64,
     /// 1/h: the derivative of velocities by positions \[1/s\].
     pub rate: R,
     /// See `Row::ahead`.
@@ -235,7 +239,13 @@ pub struct Stage<R> {
 impl Row {
     /// The stage within a part of a step of `dt` \[s\]; `known` is 1 where the step before is known, else 0.
     #[inline(always)]
-    pub(super) fn stage<R: Real, M>(&self, part: &Part<M>, dt: f64, known: R) -> Stage<R> {
+    pub(super) fn stage<R: Real, M>(
+        &self,
+        part: &Part<M>,
+        dt: f64,
+        known: R,
+        first_end: f64,
+    ) -> Stage<R> {
         let dt = dt * part.size;
         let mut size = R::splat(self.size);
         let origin = match self.origin {
@@ -255,6 +265,8 @@ impl Row {
             h,
             dt: R::splat(dt),
             last: self.end == 1.0,
+            end_of_part: self.end,
+            first_end,
             rate: R::one() / h,
             ahead: R::splat(self.ahead),
             origin,

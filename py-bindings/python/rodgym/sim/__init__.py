@@ -5,7 +5,7 @@ step.
 >>> import rodgym
 >>> rod = rodgym.sim.Pendulum(width=0.007, physics_dt=2e-4)
 >>> rod.set_angles([1.57] * 6)
->>> rod.step(torque=0.0, n=5000)
+>>> rod.step(torque=0.0, n=2000)
 >>> round(rod.time, 6)
 1.0
 
