@@ -1,6 +1,7 @@
 //! Python values to JSON values and back: keywords, reset options, specs.
 
 use crate::arguments::repr;
+use crate::arguments::repr;
 use crate::errors::{raise, to_py};
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
@@ -18,8 +19,12 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 /// would refuse.
 #[caught]
 #[pyfunction]
-fn plain_values<'py>(given: &Bound<'py, PyDict>) -> PyResult<Bound<'py, PyAny>> {
-    to_python(given.py(), &Value::Object(to_map(given)?))
+fn plain_values<'py>(given: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+    let Ok(dict) = given.cast::<PyDict>() else {
+        let allowed = "a dictionary whose keys are strings";
+        return Err(to_py(Error::parameter("keyword arguments", repr(given), allowed)));
+    };
+    to_python(given.py(), &Value::Object(to_map(dict)?))
 }
 
 /// A value nested deeper than this is a mistake (or contains itself).

@@ -137,7 +137,7 @@ def test_the_preset_of_the_thesis_and_its_short_word_are_the_same(entry):
     assert spec["config"]["preset"] == "burch2019" and spec["config"]["thesis"] is True
     plain = gym.make(entry.id).unwrapped.core_spec["config"]
     assert plain["preset"] is None and plain != spec["config"]
-    with pytest.raises(ParameterError, match=r"preset = 'burch' is .*'burch2019'"):
+    with pytest.raises(ParameterError, match=r"preset = \"burch\" is .*'burch2019'"):
         gym.make(entry.id, preset="burch")
     with pytest.raises(ParameterError, match=r"thesis = [Ff]alse is .*beside preset"):
         gym.make(entry.id, preset="burch2019", thesis=False)

@@ -3,6 +3,7 @@ a local environment has for them."""
 
 from __future__ import annotations
 
+from contextlib import closing
 from decimal import Decimal
 from fractions import Fraction
 
@@ -61,7 +62,7 @@ def test_what_a_local_environment_refuses_is_refused_in_the_same_words(server, n
     ],
 )
 def test_options_that_a_local_environment_refuses_are_refused(server, options):
-    with rodgym.remote.connect(server.address, SWING_UP, 2) as env:
+    with closing(rodgym.remote.connect(server.address, SWING_UP, 2)) as env:
         env.reset(seed=1)
         before = env.get_state()
         remote = words(lambda: env.reset(options=options))
@@ -72,14 +73,14 @@ def test_options_that_a_local_environment_refuses_are_refused(server, options):
 
 @pytest.mark.parametrize("value", [np.float64(0.008), np.float32(0.008), np.array(0.008), 0.008])
 def test_numbers_of_numpy_are_numbers(server, value):
-    with rodgym.remote.connect(server.address, SWING_UP, 1, width=value) as env:
+    with closing(rodgym.remote.connect(server.address, SWING_UP, 1, width=value)) as env:
         assert env.core_spec["config"]["width"] == float(value)
 
 
 @pytest.mark.parametrize("cutoff", [None, 2, 2.5])
 def test_none_and_integers_arrive_as_they_are(server, cutoff):
     local = gym.make(THRUST, command_cutoff=cutoff).unwrapped.core_spec
-    with rodgym.remote.connect(server.address, THRUST, 1, command_cutoff=cutoff) as env:
+    with closing(rodgym.remote.connect(server.address, THRUST, 1, command_cutoff=cutoff)) as env:
         assert env.core_spec["config"] == local["config"]
 
 
@@ -94,7 +95,7 @@ def test_a_fin_of_two_hundred_nodes_travels(server):
     }
     fin = {"geometry": geometry, "stiffness_profile": tuple(np.linspace(2.0, 0.5, nodes))}
     local = gym.make_vec(THRUST, num_envs=2, **fin)
-    with rodgym.remote.connect(server.address, THRUST, 2, **fin) as env:
+    with closing(rodgym.remote.connect(server.address, THRUST, 2, **fin)) as env:
         assert np.array_equal(env.reset(seed=3)[0], local.reset(seed=3)[0])
         action = np.full((2, 1), 0.5)
         assert np.array_equal(env.step(action)[0], local.step(action)[0])
@@ -111,7 +112,7 @@ def test_long_lists_of_numbers_are_arrays_and_nothing_else_is():
 
 
 def test_snapshots_beyond_the_servers_message_travel_in_parts(server):
-    with rodgym.remote.connect(server.address, SWING_UP, 300, nodes=101) as env:
+    with closing(rodgym.remote.connect(server.address, SWING_UP, 300, nodes=101)) as env:
         env.reset(seed=1)
         states = env.get_state()
         assert sum(map(len, states)) > env.unwrapped._batch.message_bytes == 1 << 20

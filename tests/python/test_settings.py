@@ -205,7 +205,7 @@ def test_one_wrong_value_of_a_batch_refuses_all():
 
 def test_reset_options_are_checked_with_the_settings_of_each():
     """Short rods need shorter Verlet steps, stiff ones too."""
-    batch = gym.make_vec(SWING_UP, num_envs=3)
+    batch = gym.make_vec(SWING_UP, num_envs=3, stepper="verlet", physics_dt=2e-4)
     batch.reset(seed=0)
     batch.members[1].set_parameters(length=0.1)
     options = {"parameters": {"youngs_modulus": 1.6e7}}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -79,6 +81,10 @@ class SeededBatch:
         #: Environments whose parameters another state had changed before the last call.
         self.refreshed: list[int] = []
         self._unseeded = np.ones(self.num_envs, dtype=np.bool_)
+        #: What a server did for calls whose results never came; a local batch makes no such call.
+        self._missed: Callable[[], list[tuple[Flags, Floats]]] = getattr(
+            self.native, "missed", list
+        )
 
     @property
     def needs_seeds(self) -> bool:
@@ -107,29 +113,53 @@ class SeededBatch:
             given = [None] * self.num_envs if seed is None else seed
             seed = [fresh[i] if own is None and needy[i] else own for i, own in enumerate(given)]
         self._refresh()
-        result = Result._make(self.native.reset(seed, mask, options, out))
-        self._unseeded &= ~result.began
-        self._begun(result)
+        with self._noting():
+            result = Result._make(self.native.reset(seed, mask, options, out))
+            self._unseeded &= ~result.began
+            self._begun(result)
         return result
 
     def step(self, actions: Any, out: Observations | None = None) -> Result:
         """One control step of every environment."""
         self._refresh()
-        result = Result._make(self.native.step(actions, out))
-        self._begun(result)
+        with self._noting():
+            result = Result._make(self.native.step(actions, out))
+            self._begun(result)
         return result
+
+    @contextlib.contextmanager
+    def _noting(self) -> Iterator[None]:
+        """After an exception, Ctrl-C for instance, parameters are read again, unless the call may
+        be repeated: then they are those of before it.
+        """
+        try:
+            yield
+        except BaseException:
+            if not getattr(self.native, "pending", False):
+                self._changed.update(range(self.num_envs))
+            raise
 
     def _refresh(self) -> None:
         """Reads the parameters of environments that were given a state."""
-        self.refreshed = sorted(self._changed)
-        if self.refreshed:
+        self.refreshed = []
+        self._catch_up()
+        if self._changed:
+            changed = sorted(self._changed)
             self.parameters = self.parameters.copy()
-            for i in self.refreshed:
+            for i in changed:
                 self.parameters[i] = list(self.native.parameters(i).values())
+            self.refreshed = sorted({*changed, *self.refreshed})
+
+    def _catch_up(self) -> None:
+        """Keeps what began in calls whose results were never handed over."""
+        for began, parameters in self._missed():
+            self.parameters = np.where(began[:, np.newaxis], parameters, self.parameters)
+            self.refreshed = sorted({*self.refreshed, *np.flatnonzero(began).tolist()})
 
     def _begun(self, result: Result) -> None:
         """Keeps the parameters of episodes that began; a call that was refused changes nothing."""
         self._changed.difference_update(self.refreshed)
+        self._catch_up()
         self.before = self.parameters
         if np.count_nonzero(result.began):
             rows = result.began[:, np.newaxis]

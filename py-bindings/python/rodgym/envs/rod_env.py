@@ -53,7 +53,8 @@ class RodEnv(Machine, gym.Env[Vector, Vector]):
         self._window: Any = None
         self._seeded = False
         #: Parameters of the episode: each info has them.
-        self._parameters: dict[str, float] = {}
+        #: Those of the episode; None where they must be read.
+        self._parameters: dict[str, float] | None = None
         about = self._batch.spec
         self.metadata = {**self.metadata, "render_fps": round(1.0 / about["control_dt"])}
         self._names: tuple[list[str], list[str]] = about["reward_terms"], about["metrics"]
@@ -93,6 +94,8 @@ class RodEnv(Machine, gym.Env[Vector, Vector]):
         native_seed = seed = checks.seed(seed)
         if seed is None and not self._seeded:
             native_seed = int(self.np_random.integers(2**63))
+        # An exception (Ctrl-C) leaves open which episode it is.
+        self._parameters = None
         observation, info = self._batch.reset_single(native_seed, options)
         super().reset(seed=seed)
         self._seeded = True
@@ -117,6 +120,8 @@ class RodEnv(Machine, gym.Env[Vector, Vector]):
             ShapeError: the action has another shape than the action space.
         """
         result = self._batch.step_single(action)
+        if self._parameters is None:
+            self._parameters = self._batch.parameters(0)
         result[4]["parameters"] = self._parameters.copy()
         if self.render_mode == "human":
             self.render()

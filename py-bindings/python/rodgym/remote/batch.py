@@ -272,6 +272,25 @@ class RemoteBatch(Session):
             flags & SOLVER_FAILURE != 0,
         )
 
+    @property
+    def pending(self) -> bool:
+        """Whether the server may have carried out a call whose result was not handed over."""
+        progress = self._progress
+        return progress is not None and progress.pending is not None
+
+    def missed(self) -> list[tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64]]]:
+        """What calls began whose results were never handed over, and never will be, oldest first:
+        in which environments (n), and the parameters of all (n, p), 0 elsewhere. Told once.
+        """
+        with self._turn:
+            now = self._open()
+            if not now.missed:
+                return []
+            with reading():
+                results = [self._results(r, None) for r in now.missed if "flags" in r.arrays]
+            self._progress = now._replace(missed=())
+        return [(result[8], result[6]) for result in results]
+
     def __reduce__(self) -> tuple[Any, ...]:
         try:
             states = self.get_states(0, self.num_envs)

@@ -68,6 +68,8 @@ class Progress(NamedTuple):
     snapshot: tuple[bytes, ...] | None = None
     #: Calls since.
     since: tuple[Call, ...] = ()
+    #: Replies to calls whose results were never handed over, oldest first.
+    missed: tuple[Reply, ...] = ()
 
 
 class Session:
@@ -179,7 +181,9 @@ class Session:
                 self._settle_earlier()
                 pending = None
             if pending is None:
-                self._progress = self._open()._replace(pending=call, reply=None)
+                now = self._open()
+                missed = now.missed if now.reply is None else (*now.missed, now.reply)
+                self._progress = now._replace(pending=call, reply=None, missed=missed)
             reply = self._settle()
             with reading():
                 result = read(reply)

@@ -3,7 +3,7 @@ step.
 
 ```python
 >>> import rodgym
->>> rod = rodgym.sim.Pendulum(width=0.007, physics_dt=2e-4)
+>>> rod = rodgym.sim.Pendulum(width=0.007)
 >>> rod.set_angles([1.57] * 6)
 >>> rod.step(torque=0.0, n=2000)
 >>> round(rod.time, 6)
