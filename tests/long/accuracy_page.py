@@ -54,7 +54,8 @@ def strangers(count: int) -> list[Rod]:
         )
         nodes, beta = rng.choice((2, 4, 7, 10, 16, 25)), rng.choice(("0", "5e-4", "2e-3"))
         found.append((f"{modulus:.4e}", f"{width:.4e}", f"{length:.4e}", nodes, beta))
-    return found
+    # Neighbours of a kind run side by side.
+    return sorted(found, key=lambda rod: rod[3:])
 
 
 def verify(rods: list[Rod]) -> dict[Rod, tuple[str, int, float, float, float, float]]:
@@ -106,7 +107,8 @@ def page() -> None:
         "## What is taken",
         "",
         "Rods of 0.3 m. Scheme, step [ms], error of the tip after 1 s [1e-6 L] / "
-        "its estimate, cost [us] of 10 ms a rod in lanes.",
+        "its estimate, cost [us] of 10 ms a rod in lanes "
+        "(wall clock).",
         "",
     ]
     for damping, word in zip(
@@ -128,8 +130,8 @@ def page() -> None:
                         continue
                     scheme, steps, estimate, off, _, cost = row
                     bound = f"{1e6 * off:.2g} / {1e6 * estimate:.2g}"
-                    word = WORDS[scheme]
-                    cells.append(f"{word} {1e3 / steps:.3g}: {bound}, {1e4 * cost:.2g}")
+                    name = WORDS[scheme]
+                    cells.append(f"{name} {1e3 / steps:.3g}: {bound}, {1e4 * cost:.2g}")
                 text.append(f"| {modulus} | " + " | ".join(cells) + " |")
             text.append("")
     PAGE.write_text("\n".join(text) + TAIL)
