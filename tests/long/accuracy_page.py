@@ -209,7 +209,7 @@ step that is used: it goes with the square of the step, and is a bound, mostly a
   stages are of first order, loses two orders on stiff rods.
 * An **implicit-explicit** Verlet (damping implicit) was not built: its step is bounded by the
   limit of the undamped rod, which costs, at 2.6 ns an edge and step before the damping is solved
-  for, 8 us at 31 nodes and 95 us at 101, more than ESDIRK3 does.
+  for, 8 us at 31 nodes and 95 us at 101 at the least.
 
 """
 
