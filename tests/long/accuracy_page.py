@@ -164,13 +164,16 @@ def plot() -> None:
     figure, panels = plt.subplots(1, len(SHOWN), figsize=(17, 4), sharey=True)
     for panel, (name, modulus, nodes) in zip(panels, SHOWN, strict=True):
         results = data[modulus, "0.007", "0.3", nodes, "0"]
-        for scheme, word in {**WORDS, "bdf2": "BDF2", "implicit": "SDIRK2"}.items():
-            points = sorted(
+        words = {**WORDS, "bdf2": "BDF2", "implicit": "SDIRK2"}
+        for i, (scheme, word) in enumerate(words.items()):
+            # By step: costs jump where neighbours on the machine are busy.
+            points = [
                 (1e4 * costs[modulus, nodes, s, n], error)
-                for (s, n), (error, *_) in results.items()
+                for (s, n), (error, *_) in sorted(results.items())
                 if s == scheme and (modulus, nodes, s, n) in costs
-            )
-            panel.plot(*zip(*points, strict=True), "o-", label=word) if points else None
+            ]
+            if points:
+                panel.plot(*zip(*points, strict=True), "o-", color=f"C{i}", label=word)
         panel.axhline(CONTRACT, color="grey", linestyle=":")
         panel.set(xscale="log", yscale="log", title=name, xlabel="us of 10 ms, a rod in lanes")
         panel.grid(alpha=0.3)
