@@ -190,7 +190,8 @@ struct Shaken {
     most: f64,
 }
 
-/// Random torques at +-0.05 N m on sixty-four rods whose episodes end only where the solver fails.
+/// Random torques at +-0.05 N m on sixty-four rods, in episodes of 5 s. (Nothing brakes a rod that turns as a whole: in
+/// one long episode its energy grows without bound, as a walk at random does.)
 fn shaken(kwargs: &Value, steps: usize) -> Shaken {
     const ENVS: usize = 64;
     let mut env = make(&MakeOptions {
@@ -198,7 +199,7 @@ fn shaken(kwargs: &Value, steps: usize) -> Shaken {
         num_envs: ENVS,
         kwargs: map(kwargs),
         autoreset_mode: AutoresetMode::SameStep,
-        max_episode_steps: None,
+        max_episode_steps: Some(500),
         num_threads: 1,
     })
     .unwrap();
@@ -213,9 +214,9 @@ fn shaken(kwargs: &Value, steps: usize) -> Shaken {
         env.step(&actions, buffer.data()).unwrap();
         assert!(buffer.reward.iter().all(|x| x.is_finite()));
         assert!(buffer.observation.iter().all(|x| x.is_finite()));
-        // An episode that the solver ends is told, and nothing else ends one.
+        // What the solver gives up ends the episode.
         for i in 0..ENVS {
-            assert_eq!(buffer.solver_failure[i], buffer.truncated[i] || buffer.terminated[i]);
+            assert!(buffer.truncated[i] || !buffer.solver_failure[i]);
         }
         shaken.failures += buffer.solver_failure.iter().filter(|&&failed| failed).count();
         if round % 20 == 0 {
