@@ -1,7 +1,6 @@
 //! Python values to JSON values and back: keywords, reset options, specs.
 
 use crate::arguments::repr;
-use crate::arguments::repr;
 use crate::errors::{raise, to_py};
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;

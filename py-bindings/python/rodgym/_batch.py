@@ -19,6 +19,8 @@ Flags = npt.NDArray[np.bool_]
 Floats = npt.NDArray[np.float64]
 Observations = npt.NDArray[np.float32]
 Seeds = int | list[int | None] | None
+#: Where an episode began (n), and its parameters (n, p), call by call.
+Missed = list[tuple[Flags, Floats]]
 
 
 class Result(NamedTuple):
