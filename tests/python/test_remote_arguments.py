@@ -74,14 +74,14 @@ def test_options_that_a_local_environment_refuses_are_refused(server, options):
 @pytest.mark.parametrize("value", [np.float64(0.008), np.float32(0.008), np.array(0.008), 0.008])
 def test_numbers_of_numpy_are_numbers(server, value):
     with closing(rodgym.remote.connect(server.address, SWING_UP, 1, width=value)) as env:
-        assert env.core_spec["config"]["width"] == float(value)
+        assert env.unwrapped._batch.about["config"]["width"] == float(value)
 
 
 @pytest.mark.parametrize("cutoff", [None, 2, 2.5])
 def test_none_and_integers_arrive_as_they_are(server, cutoff):
     local = gym.make(THRUST, command_cutoff=cutoff).unwrapped.core_spec
     with closing(rodgym.remote.connect(server.address, THRUST, 1, command_cutoff=cutoff)) as env:
-        assert env.core_spec["config"] == local["config"]
+        assert env.unwrapped._batch.about["config"] == local["config"]
 
 
 def test_a_fin_of_two_hundred_nodes_travels(server):
@@ -99,7 +99,7 @@ def test_a_fin_of_two_hundred_nodes_travels(server):
         assert np.array_equal(env.reset(seed=3)[0], local.reset(seed=3)[0])
         action = np.full((2, 1), 0.5)
         assert np.array_equal(env.step(action)[0], local.step(action)[0])
-        assert env.core_spec["config"] == local.unwrapped.core_spec["config"]
+        assert env.unwrapped._batch.about["config"] == local.unwrapped._batch.about["config"]
 
 
 def test_long_lists_of_numbers_are_arrays_and_nothing_else_is():
@@ -115,7 +115,7 @@ def test_snapshots_beyond_the_servers_message_travel_in_parts(server):
     with closing(rodgym.remote.connect(server.address, SWING_UP, 300, nodes=101)) as env:
         env.reset(seed=1)
         states = env.get_state()
-        assert sum(map(len, states)) > env.unwrapped._batch.message_bytes == 1 << 20
+        assert sum(map(len, states)) > env.unwrapped._batch.native.message_bytes == 1 << 20
         env.step(np.ones((300, 1)))
         env.set_state(states)
         assert env.get_state() == states
