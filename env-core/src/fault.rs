@@ -74,7 +74,7 @@ mod tests {
         let (line, fault) = (line!(), caught(|| -> u8 { panic!("number {}", 7) }).unwrap_err());
         assert_eq!(fault.what, "number 7");
         assert!(fault.place.starts_with(&format!("{}:{line}:", file!())), "{fault}");
-        let fault = caught(|| [1, 2, 3].iter().nth(5).expect("five")).unwrap_err();
+        let fault = caught(|| [1, 2, 3].get(5).expect("five")).unwrap_err();
         assert_eq!(fault.what, "five");
         assert_eq!(caught(|| 3), Ok(3));
     }

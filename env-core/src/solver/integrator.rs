@@ -22,6 +22,10 @@ pub struct Integrator<R: Real> {
 lanewise!(Integrator: past);
 
 #[derive(Clone, Debug)]
+#[allow(
+    clippy::large_enum_variant,
+    reason = "one stands in each block, in place, beside its arrays"
+)]
 enum Method<R: Real> {
     Verlet(Verlet<R>),
     Implicit(Solver<R::Mask, Motion<R>>, Elimination<R>),

@@ -80,7 +80,7 @@ impl<R: Real, D: Drive<R>> System<R> for Pinned<'_, R, D> {
         // ahead of what was.
         let ahead = if D::FEEDBACK { R::zero() } else { stage.ahead };
         if let Origin::Slopes { from, guess } = stage.origin {
-            self.from_slopes(stage, ahead, from, guess, start, origin);
+            self.predict_by_slopes(stage, ahead, from, guess, start, origin);
             return;
         }
         let Motion { x, v, a, a_before } = &mut *self.motion;
@@ -168,7 +168,7 @@ impl<R: Real, D: Drive<R>> Pinned<'_, R, D> {
 
     /// `predict` for stages that start from slopes.
     #[inline(always)]
-    fn from_slopes(
+    fn predict_by_slopes(
         &mut self,
         stage: &Stage<R>,
         ahead: R,

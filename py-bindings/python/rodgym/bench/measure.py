@@ -14,8 +14,9 @@ import numpy.typing as npt
 class Case:
     """Something that takes environment steps.
 
-    ``run(count)`` takes ``count * steps`` of them. ``alone`` says that all work happens in the
-    calling thread: then the CPU time of that thread is the cost, whatever else the machine does.
+    ``run(count)`` takes ``count * steps`` of them. ``alone`` says that one thread works at a time:
+    then the CPU time of the process is the cost, whatever else the machine does. (Long steps are
+    computed in a thread that the caller waits for.)
     """
 
     name: str
@@ -61,9 +62,9 @@ class Ratio:
         return f"{self.median:.3g} ({self.low:.3g} to {self.high:.3g})"
 
 
-def clock(case: Case) -> float:
-    """CPU time that a case is charged with [s]."""
-    return time.thread_time() if case.alone else time.process_time()
+def clock() -> float:
+    """CPU time of all threads of this process [s]."""
+    return time.process_time()
 
 
 def measure(cases: Sequence[Case], rounds: int, seconds: float) -> list[Timing]:
@@ -77,9 +78,9 @@ def measure(cases: Sequence[Case], rounds: int, seconds: float) -> list[Timing]:
     for r in range(rounds):
         for at in np.roll(np.arange(len(cases)), r).tolist():
             case, count = cases[at], counts[at]
-            began, work = time.perf_counter(), clock(case)
+            began, work = time.perf_counter(), clock()
             case.run(count)
-            cpu[r, at] = (clock(case) - work) / (count * case.steps)
+            cpu[r, at] = (clock() - work) / (count * case.steps)
             wall[r, at] = (time.perf_counter() - began) / (count * case.steps)
     return [Timing(c.name, wall[:, i], cpu[:, i], c.alone) for i, c in enumerate(cases)]
 
@@ -89,9 +90,9 @@ def calibrate(case: Case, seconds: float) -> int:
     case.run(1)
     count = 1
     while True:
-        began = clock(case)
+        began = clock()
         case.run(count)
-        took = clock(case) - began
+        took = clock() - began
         if took >= 0.2 * seconds or count >= 1 << 20:
             return max(1, round(count * seconds / max(took, 1e-9)))
         count *= 4
