@@ -11,7 +11,7 @@ import numpy.typing as npt
 from gymnasium.utils import seeding
 
 from rodgym import _checks as checks
-from rodgym._machine import Member, picture_size
+from rodgym._plant import Member, picture_size
 from rodgym.backend import LOCAL, Backend
 from rodgym.errors import EnvIndexError, ParameterError, ShapeError
 

@@ -25,7 +25,7 @@ except ImportError as error:  # pragma: no cover
 from rodgym import _checks as checks
 from rodgym import _native
 from rodgym._batch import Result, SeededBatch
-from rodgym._machine import Member, box, plain
+from rodgym._plant import Member, box, plain
 from rodgym._registration import REMOTE
 from rodgym._settings import Fixed, Many
 from rodgym.backend import LOCAL, Backend

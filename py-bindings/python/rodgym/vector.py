@@ -13,7 +13,7 @@ from gymnasium.vector.utils import batch_space
 from rodgym import _checks as checks
 from rodgym._batch import Flags, Floats, Observations, SeededBatch, Seeds
 from rodgym._infos import InfoBuilder
-from rodgym._machine import Frame, Member, box, plain
+from rodgym._plant import Frame, Member, box, plain
 from rodgym._settings import Fixed, Many
 from rodgym.backend import LOCAL, Backend
 from rodgym.errors import ShapeError

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rodgym import _checks as checks
-from rodgym._machine import Frame, Machine, box, picture_size, plain
+from rodgym._plant import Frame, Plant, box, picture_size, plain
 from rodgym.backend import LOCAL, Backend
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 Vector = npt.NDArray[np.float32]
 
 
-class RodEnv(Machine, gym.Env[Vector, Vector]):
+class RodEnv(Plant, gym.Env[Vector, Vector]):
     """One environment of the Rust core.
 
     Physics, task, random stream and clock live in `rodgym._native`; this class translates. It sets
@@ -128,7 +128,7 @@ class RodEnv(Machine, gym.Env[Vector, Vector]):
         return result
 
     def set_state(self, state: bytes) -> Vector:
-        """See `Machine.set_state`; the random stream of the state counts as seeded."""
+        """See `Plant.set_state`; the random stream of the state counts as seeded."""
         observation = super().set_state(state)
         self._seeded = True
         self._parameters = self._batch.parameters(0)

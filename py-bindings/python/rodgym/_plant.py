@@ -49,7 +49,7 @@ def pixels(name: str, side: Any) -> int:
     return whole(name, side, low, high, f"a whole number of pixels from {low} to {high}")
 
 
-class Machine(Settable, Fixed):
+class Plant(Settable, Fixed):
     """One environment's plant, snapshots and settings: environment number `_index` of `_batch`.
 
     Its keywords can be read as attributes; physical parameters have this episode's value.
@@ -174,7 +174,7 @@ class Machine(Settable, Fixed):
         return tuple(side if s is None else pixels(name, s) for name, s, side in given)  # type: ignore[return-value]
 
 
-class Member(Machine):
+class Member(Plant):
     """One environment of a batch: what `call`, `get_attr` and `env_method` reach."""
 
     def __init__(
@@ -193,7 +193,7 @@ class Member(Machine):
         self._made = True
 
     def set_state(self, state: bytes) -> npt.NDArray[np.float32]:
-        """See `Machine.set_state`; the batch is told."""
+        """See `Plant.set_state`; the batch is told."""
         observation = super().set_state(state)
         if self._changed is not None:
             self._changed.add(self._index)
