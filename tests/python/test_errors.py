@@ -79,13 +79,18 @@ def test_keywords_of_batches(kwargs, named):
         rodgym.vector.RodVectorEnv(**{"env_id": SWING_UP, **kwargs})
 
 
+def sb3_batch(**kwargs):
+    pytest.importorskip("stable_baselines3")
+    return rodgym.sb3.make_vec_env(SWING_UP, **kwargs)
+
+
 @pytest.mark.parametrize(
     "make",
     [
         lambda **kwargs: gym.make(SWING_UP, **kwargs),
         lambda **kwargs: gym.make_vec(SWING_UP, **kwargs),
         lambda **kwargs: gym.make("rodgym/FinThrust-v0", **kwargs),
-        lambda **kwargs: pytest.importorskip("rodgym.sb3").make_vec_env(SWING_UP, **kwargs),
+        sb3_batch,
         lambda **kwargs: rodgym.sim.Pendulum(**kwargs),
         lambda **kwargs: rodgym.sim.Fin(**kwargs),
     ],

@@ -245,7 +245,9 @@ class RodVectorEnv(Many, Fixed, VectorEnv[Observations, Any, Any]):
 
     def close_extras(self, **kwargs: Any) -> None:
         """Gives back what a server holds; in this process memory and threads go with the object."""
-        self._batch.native.close()
+        # (Nothing was held where the arguments were refused; Gymnasium closes what is forgotten.)
+        if "_batch" in vars(self):
+            self._batch.native.close()
 
     def _split(self, options: dict[str, Any]) -> tuple[Flags | None, dict[str, Any] | None]:
         """The reset mask, checked, and the other options."""
