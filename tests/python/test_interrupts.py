@@ -71,6 +71,7 @@ def interrupted(seconds: float) -> Iterator[list[float]]:
 @pytest.mark.parametrize("case", LONG)
 def test_an_interrupted_step_was_never_made(case):
     env_id, kwargs = LONG[case]
+    kwargs = {**kwargs, "physics_dt": kwargs["physics_dt"] / 2}
     env, twin = RodEnv(env_id, **kwargs), RodEnv(env_id, **kwargs)
     for one in (env, twin):
         one.reset(seed=3)
@@ -87,7 +88,7 @@ def test_an_interrupted_step_was_never_made(case):
         assert env._batch.observe(0).tobytes() == seen.tobytes()
         assert_same(env.step(np.array([action])), expected)
         assert env.get_state() == twin.get_state()
-    assert alone > 0.3, "too short to be interrupted"
+    assert alone > 0.1, "too short to be interrupted"
 
 
 @pytest.mark.parametrize("case", LONG)
