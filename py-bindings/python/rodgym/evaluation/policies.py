@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import zipfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Protocol, TypeAlias
 
@@ -13,13 +14,19 @@ from numpy.typing import NDArray
 
 import rodgym
 from rodgym import _checks as checks
-from rodgym import _native
+from rodgym import _native, machines
 from rodgym.zoo import zoo_policy
 
 AnyEnv: TypeAlias = "gym.Env[Any, Any] | gym.vector.VectorEnv[Any, Any, Any]"
 
 #: Member of a saved policy's zip file that says how it was trained.
 CARD = "rodgym.json"
+#: Who reads a policy's file, `module:function` of path, card and environment, by the `kind` that
+#: its card says. A card that says none is of Stable-Baselines3.
+KINDS = {
+    "student": "rodgym.distil.policy:load",
+    "onnx": "rodgym.export.policy:load",
+}
 
 
 class PolicyError(rodgym.RodgymError, ValueError):
@@ -155,8 +162,8 @@ def load_policy(source: str, env: AnyEnv) -> Policy:
 
     Parameters
     ----------
-    source: a controller's name (:func:`controller_names`), ``zoo`` for the trained policy that
-        comes with rodgym, or the path of a saved policy (``runs/demo/policy.zip``)
+    source: a controller's name (:func:`controller_names`), ``zoo`` or ``zoo:NAME`` for a trained
+        policy that comes with rodgym, or the path of a saved policy (``runs/demo/policy.zip``)
     env: environment that it will play in; controllers design themselves for its parameters
 
     Raises
@@ -174,16 +181,25 @@ def load_policy(source: str, env: AnyEnv) -> Policy:
         controller: Policy = baselines.make(source, env)
         return controller
     path = find(source, env)
-    return _load_trained(path, env)
+    card = read_card(path)
+    if "kind" not in card:
+        return _load_trained(path, card, env)
+    if card["kind"] not in KINDS:
+        known = ", ".join(KINDS)
+        raise PolicyError(f"{path}: kind {card['kind']!r} is not one of {known}")
+    policy: Policy = machines.load(KINDS[card["kind"]])(path, card, env)
+    return policy
 
 
 def find(source: str, env: AnyEnv | None = None) -> Path:
-    """The file of a trained policy: ``zoo`` (of `env`), a path, or a run's folder."""
-    if source == "zoo":
+    """The file of a trained policy: ``zoo`` or ``zoo:NAME`` (of `env`), a path, a run's folder."""
+    if is_zoo(source):
         assert env is not None and env.spec is not None
-        found = zoo_policy(env.spec.id)
+        name = source.partition(":")[2]
+        found = zoo_policy(env.spec.id, name)
         if found is None:
-            raise PolicyError(f"no trained policy for {env.spec.id} comes with rodgym")
+            called = f" called {name!r}" if name else ""
+            raise PolicyError(f"no trained policy{called} for {env.spec.id} comes with rodgym")
         return found
     path = Path(source)
     if path.is_dir():
@@ -194,23 +210,33 @@ def find(source: str, env: AnyEnv | None = None) -> Path:
     return path
 
 
+def is_zoo(source: str) -> bool:
+    """Whether a name means a policy that comes with rodgym."""
+    return source.partition(":")[0] == "zoo"
+
+
 def read_card(path: Path) -> dict[str, Any]:
-    """What a saved policy says of its training: ``env``, ``env_kwargs``, ``algorithm``, ..."""
+    """What a saved policy says of its training: ``env``, ``env_kwargs``, ``algorithm``, ...
+
+    The card of an ONNX file lies beside it: ``policy.json`` of ``policy.onnx``.
+    """
     try:
-        with zipfile.ZipFile(path) as archive:
-            card = json.loads(archive.read(CARD))
-    except (zipfile.BadZipFile, KeyError, json.JSONDecodeError) as error:
+        if path.suffix == ".onnx":
+            card = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+        else:
+            with zipfile.ZipFile(path) as archive:
+                card = json.loads(archive.read(CARD))
+    except (zipfile.BadZipFile, KeyError, ValueError, FileNotFoundError) as error:
         raise PolicyError(f"{path} is not a policy saved by rodgym ({error})") from error
     assert isinstance(card, dict)
     return card
 
 
-def _load_trained(path: Path, env: AnyEnv) -> Policy:
+def _load_trained(path: Path, card: Mapping[str, Any], env: AnyEnv) -> Policy:
     import stable_baselines3
     import torch
 
     torch.set_num_threads(1)
-    card = read_card(path)
     algorithm = getattr(stable_baselines3, str(card.get("algorithm")), None)
     if algorithm is None:
         raise PolicyError(f"{path}: unknown algorithm {card.get('algorithm')!r}")

@@ -12,7 +12,7 @@ import numpy as np
 from rodgym import machines
 from rodgym.evaluation.conditions import conditions, needs_end
 from rodgym.evaluation.episodes import play
-from rodgym.evaluation.policies import controller_names, find, load_policy
+from rodgym.evaluation.policies import controller_names, find, is_zoo, load_policy
 from rodgym.evaluation.score import score
 from rodgym.study.spec import Case, StudyError
 
@@ -81,7 +81,8 @@ def policy_file(policy: str) -> Path | None:
     Raises:
         PolicyError: neither a name nor a file.
     """
-    return None if policy in ("zoo", *controller_names()) else find(policy)
+    ours = is_zoo(policy) or policy in controller_names()
+    return None if ours else find(policy)
 
 
 def _below(prefix: str, case: Case) -> dict[str, Any]:

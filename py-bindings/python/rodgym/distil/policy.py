@@ -1,0 +1,141 @@
+"""A student as a policy among others, and its file.
+
+The file is a zip archive with a card (`rodgym.json`), which says how the student was made, and its
+parameters (`student.npz`).
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from rodgym import _checks as checks
+from rodgym.distil.student import Shape, Student
+from rodgym.errors import ShapeError
+from rodgym.evaluation.policies import CARD, AnyEnv, PolicyError
+
+#: Member of a student's file that holds its parameters.
+PARAMETERS = "student.npz"
+#: What a card calls this kind of file.
+KIND = "student"
+
+Rows = NDArray[np.float32]
+#: Actions (n, a) and next state (n, s) for observations (n, d) and state (n, s).
+Step = Callable[[Rows, Rows], tuple[Rows, Rows]]
+
+
+class Stepped:
+    """`predict` over a function from observation and state to action and state.
+
+    The state is one row of numbers an episode, zero at its beginning.
+    """
+
+    def __init__(self, step: Step, observation: int, state: int) -> None:
+        self._step = step
+        self.observation_size = observation
+        self.state_size = state
+
+    def predict(
+        self,
+        observation: Any,
+        state: Any = None,
+        episode_start: Any = None,
+        deterministic: bool = False,
+    ) -> tuple[Rows, Rows]:
+        """Actions for one observation (d,) or a batch (n, d), and the next state (n, s).
+
+        Raises:
+            ShapeError: arrays that do not belong together.
+        """
+        array = checks.numbers("observation", observation, np.float32)
+        rows = np.atleast_2d(array)
+        if array.ndim not in (1, 2) or rows.shape[1] != self.observation_size:
+            size = self.observation_size
+            raise ShapeError(
+                f"observation has shape {array.shape}, but ({size},) or (n, {size}) is needed"
+            )
+        memory = np.zeros((len(rows), self.state_size), np.float32)
+        if state is not None:
+            given = np.asarray(state, np.float32)
+            if given.shape != memory.shape:
+                raise ShapeError(f"state has shape {given.shape}, but {memory.shape} is needed")
+            start = np.zeros(len(rows), bool) if episode_start is None else episode_start
+            memory = np.where(np.atleast_1d(np.asarray(start, bool))[:, None], memory, given)
+        action, memory = self._step(rows, memory)
+        return (action if array.ndim == 2 else action[0]), memory
+
+
+class StudentPolicy(Stepped):
+    """A student that plays."""
+
+    def __init__(self, student: Student, card: Mapping[str, Any] | None = None) -> None:
+        super().__init__(self._forward, student.shape.observation, student.shape.state)
+        self.student = student
+        self.card = dict(card or {})
+
+    def _forward(self, observation: Rows, state: Rows) -> tuple[Rows, Rows]:
+        with torch.inference_mode():
+            action, after = self.student.step(
+                torch.from_numpy(observation), torch.from_numpy(state)
+            )
+        return action.numpy(), after.numpy()
+
+
+def save(student: Student, path: Path, card: Mapping[str, Any], half: bool = False) -> None:
+    """Writes a student's file; with `half` its weights in 16 bits."""
+    tensors = {name: value.numpy() for name, value in student.state_dict().items()}
+    if half:
+        tensors = {name: value.astype(np.float16) for name, value in tensors.items()}
+    parameters = io.BytesIO()
+    np.savez(parameters, **tensors)  # type: ignore[arg-type]
+    about = {"kind": KIND, **card, "student": student.shape.as_dict()}
+    partial = path.with_name(path.name + ".part")
+    with zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr(CARD, json.dumps(about, indent=2) + "\n")
+        archive.writestr(PARAMETERS, parameters.getvalue())
+    partial.replace(path)
+
+
+def read(path: Path, card: Mapping[str, Any]) -> Student:
+    """The student of a file whose card has been read.
+
+    Raises:
+        PolicyError: its parameters are missing or not those that the card speaks of.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            arrays = np.load(io.BytesIO(archive.read(PARAMETERS)), allow_pickle=False)
+            shape = Shape.of(card["student"])
+            student = Student(shape, [0.0] * shape.action, [0.0] * shape.action)
+            tensors = {name: torch.from_numpy(arrays[name].astype(np.float32)) for name in arrays}
+            student.load_state_dict(tensors)
+    except (zipfile.BadZipFile, KeyError, ValueError, TypeError, RuntimeError) as error:
+        raise PolicyError(f"{path} holds no student: {error}") from error
+    return student.eval()
+
+
+def load(path: Path, card: Mapping[str, Any], env: AnyEnv) -> StudentPolicy:
+    """The policy of a student's file, for `env`.
+
+    Raises:
+        PolicyError: a damaged file, or a student of other observations or actions.
+    """
+    torch.set_num_threads(1)
+    student = read(path, card)
+    seen: Any = getattr(env, "single_observation_space", env.observation_space)
+    done: Any = getattr(env, "single_action_space", env.action_space)
+    shape = student.shape
+    if seen.shape != (shape.observation,) or done.shape != (shape.action,):
+        raise PolicyError(
+            f"{path} was taught in {card.get('env')} and sees {shape.observation} numbers; this "
+            f"environment shows {seen.shape[0]}"
+        )
+    return StudentPolicy(student, card)
