@@ -75,6 +75,12 @@ COMMANDS: list[tuple[str, list[str], set[str] | None]] = [
          "batch_size=64", *SHORT, "--runs", "train"],
         {"train"},
     ),
+    (
+        "distil",
+        ["distil", "--rounds", "1", "--set", "batches=2", "--set", "rods=2", *SHORT, "--runs",
+         "distil"],
+        {"train"},
+    ),
     ("study", ["study", "plan.yml", "--runs", "study"], {"report", "ray", "train"}),
     ("serve", ["serve", "--version"], None),
     (
