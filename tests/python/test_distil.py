@@ -249,3 +249,36 @@ def test_the_program_refuses_what_cannot_be(
         assert main(["distil", *words]) == 2
         assert message in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
+
+
+def test_ppo_begins_as_the_student_and_keeps_the_best_stage(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from rodgym.distil import fine_tune
+
+    monkeypatch.setattr(fine_tune, "VALIDATION_SEEDS", range(10_000, 10_004))
+    run = Run("student", tmp_path)
+    made = distil(ENV, run, recipe=TINY, env_kwargs=SHORT, quiet=True)
+    words = ["distil", "--fine-tune", "ppo", "--from", str(made.policy), "--steps", "17000"]
+    assert main([*words, "--runs", str(tmp_path), "--name", "next"]) == 0
+    assert "fine-tuned for 24,576 steps" in capsys.readouterr().out
+    policy = load_policy(str(tmp_path / "next-ppo"), gym.make(ENV, **SHORT))
+    card = read_card(tmp_path / "next-ppo/policy.zip")
+    assert card["student"]["teacher"] == "lqr" and card["env_kwargs"] == SHORT
+    rows = np.loadtxt(tmp_path / "next-ppo/learning_curve.csv", delimiter=",", skiprows=1)
+    student = evaluate(str(made.policy), ENV, fine_tune.VALIDATION_SEEDS, env_kwargs=SHORT).mean(
+        "return"
+    )
+    tuned = evaluate(policy, ENV, fine_tune.VALIDATION_SEEDS, env_kwargs=SHORT).mean("return")
+    # Stage 0 is the student; the critic learns alone at first, then the actor does.
+    assert rows[0, 0] == 0 and rows[0, 3] == pytest.approx(student, abs=1e-4)
+    assert len(set(rows[:, 3])) > 1 and tuned == pytest.approx(rows[:, 3].max(), abs=1e-4)
+    assert main([*words, "--runs", str(tmp_path), "--name", "next"]) == 2
+    assert "choose another --name" in capsys.readouterr().err
+    for words, message in (
+        (["--steps", "5"], "--from and --steps are for --fine-tune"),
+        (["--fine-tune", "ppo", "--from", "zoo:x", "--name", "z"], "no trained policy called 'x'"),
+        (["--fine-tune", "ppo", "--from", "lqr", "--name", "z"], "'lqr' is neither a file"),
+    ):
+        assert main(["distil", *words, "--runs", str(tmp_path)]) == 2
+        assert message in capsys.readouterr().err

@@ -194,13 +194,10 @@ def load_policy(source: str, env: AnyEnv) -> Policy:
 def find(source: str, env: AnyEnv | None = None) -> Path:
     """The file of a trained policy: ``zoo`` or ``zoo:NAME`` (of `env`), a path, a run's folder."""
     if is_zoo(source):
-        assert env is not None and env.spec is not None
-        name = source.partition(":")[2]
-        found = zoo_policy(env.spec.id, name)
-        if found is None:
-            called = f" called {name!r}" if name else ""
-            raise PolicyError(f"no trained policy{called} for {env.spec.id} comes with rodgym")
-        return found
+        spec = env.spec if env is not None else None
+        if spec is None:
+            raise PolicyError(f"policy {source!r} is that of an environment: say which")
+        return of_zoo(source, spec.id)
     path = Path(source)
     if path.is_dir():
         path = path / "policy.zip"
@@ -208,6 +205,16 @@ def find(source: str, env: AnyEnv | None = None) -> Path:
         names = ", ".join(["zoo", *controller_names()])
         raise PolicyError(f"policy {source!r} is neither a file nor one of {names}")
     return path
+
+
+def of_zoo(source: str, env_id: str) -> Path:
+    """The file of a policy that comes with rodgym."""
+    name = source.partition(":")[2]
+    found = zoo_policy(env_id, name)
+    if found is None:
+        called = f" called {name!r}" if name else ""
+        raise PolicyError(f"no trained policy{called} for {env_id} comes with rodgym")
+    return found
 
 
 def is_zoo(source: str) -> bool:

@@ -7,14 +7,27 @@ that. Ctrl-C keeps the best round, and --resume goes on after the last whole one
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
 
-from rodgym.cli.arguments import add_env, add_run, env_keywords, key_value, positive, seed
+from rodgym.cli.arguments import (
+    UsageError,
+    add_env,
+    add_run,
+    env_keywords,
+    key_value,
+    positive,
+    seed,
+)  # fmt: skip
+
+if TYPE_CHECKING:
+    from rodgym.runs import Run
 
 SUMMARY = "teach a student what a controller does that sees more"
 EXAMPLES = """
 rodgym distil
 rodgym distil --recipe unknown-e --seed 3 --name soft-or-stiff
 rodgym distil --set net=gru --set frames=1 --set batch_size=32 --set batches=60
+rodgym distil --fine-tune ppo --from runs/soft-or-stiff
 rodgym distil --env-arg actuator_delay=0.01 --set lost_samples=0.25
 """
 
@@ -33,6 +46,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--rounds", type=positive, metavar="N", help="rounds of lessons (default: the recipe's)"
+    )
+    parser.add_argument(
+        "--fine-tune",
+        choices=["ppo"],
+        help="go on from the student by PPO, in a run of the same name and -ppo",
+    )
+    parser.add_argument(
+        "--from", dest="student", metavar="POLICY", help="fine-tune this student; none is taught"
+    )
+    parser.add_argument(
+        "--steps", type=positive, metavar="N", help="environment steps of PPO (default 1e6)"
     )
     parser.add_argument(
         "--seed", type=seed, default=0, metavar="N", help="seed of the student (default 0)"
@@ -60,10 +84,38 @@ def run(args: argparse.Namespace) -> int:
     from rodgym.cli.needs import need, of_env
     from rodgym.runs import Run, default_name
 
-    need("torch", "yaml", *of_env(args.env))
+    if not args.fine_tune and (args.student or args.steps):
+        raise UsageError("--from and --steps are for --fine-tune ppo")
+    need("stable_baselines3" if args.fine_tune else "torch", "yaml", *of_env(args.env))
+    name = args.name or default_name("distil", args.env)
+    made: str | None = args.student
+    tuned = Run(f"{name}-ppo", args.runs)
+    if args.fine_tune and not args.force:
+        tuned.keep_policy()
+    if made is None:
+        made = teach(args, Run(name, args.runs))
+    if args.fine_tune and made is not None:
+        from rodgym.distil.fine_tune import fine_tune
+        from rodgym.evaluation.policies import is_zoo, of_zoo
+
+        if is_zoo(made):
+            made = str(of_zoo(made, args.env))
+        result = fine_tune(made, tuned, steps=args.steps or 1_000_000, seed=args.seed)
+        tuned.facts |= {"student": made, "seed": result.seed}
+        tuned.write_facts()
+        last = "interrupted after" if result.interrupted else "fine-tuned for"
+        print(
+            f"{last} {result.steps:,} steps in {result.seconds:.0f} s; that of step "
+            f"{result.best_steps:,} is kept"
+        )
+        print(f"policy: {result.policy}   (rodgym evaluate {result.policy})")
+    return 0
+
+
+def teach(args: argparse.Namespace, folder: Run) -> str | None:
+    """Teaches a student; returns its file, or None where Ctrl-C ended it early."""
     from rodgym.distil import distil, load_recipe
 
-    folder = Run(args.name or default_name("distil", args.env), args.runs)
     if not args.force and not args.resume:
         folder.keep_policy()
     changes = dict(args.changes)
@@ -84,4 +136,4 @@ def run(args: argparse.Namespace) -> int:
         f"round {made.best_round} is kept"
     )
     print(f"policy: {made.policy}   (rodgym evaluate {made.policy})")
-    return 0
+    return None if made.interrupted else str(made.policy)
