@@ -219,6 +219,15 @@ def add_seeds(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_trajectories(parser: argparse.ArgumentParser) -> None:
+    """``--trajectories``."""
+    parser.add_argument(
+        "--trajectories",
+        choices=("csv", "parquet"),
+        help="also write every step of every episode: what was seen, done and earned",
+    )
+
+
 def add_force(parser: argparse.ArgumentParser) -> None:
     """``--force``."""
     parser.add_argument("--force", action="store_true", help="replace an earlier run of this name")

@@ -22,6 +22,7 @@ from rodgym.evaluation.design import Design, EachEpisode, drawn_by
 from rodgym.evaluation.policies import ready
 from rodgym.evaluation.policy import Policy, ask, check_policy, label_of
 from rodgym.evaluation.score import Column, Trajectories, columns_for, score
+from rodgym.evaluation.trajectories import write_minari, write_trajectories
 from rodgym.runs import write_csv
 
 #: Episodes stepped side by side; more seeds are played in turns of this size.
@@ -44,6 +45,7 @@ class Evaluation:
     columns: Mapping[str, NDArray[np.float64]]
     design: str = ""
     parameters: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    env_kwargs: Mapping[str, Any] = field(default_factory=dict)
     trajectories: tuple[Trajectories, ...] = ()
 
     def mean(self, name: str) -> float:
@@ -78,6 +80,14 @@ class Evaluation:
     def write_csv(self, path: str | Path) -> None:
         """Writes :meth:`rows` with a header."""
         write_csv(path, self.header, self.rows())
+
+    def write_trajectories(self, path: str | Path) -> None:
+        """Writes every step, see :func:`rodgym.evaluation.trajectories.write_trajectories`."""
+        write_trajectories(path, [self])
+
+    def write_minari(self, dataset_id: str) -> Path:
+        """Writes a data set, see :func:`rodgym.evaluation.trajectories.write_minari`."""
+        return write_minari(dataset_id, self)
 
 
 def evaluate(
@@ -148,6 +158,7 @@ def evaluate(
             name: np.concatenate([turn.parameters[name] for turn in turns])
             for name in drawn_by(spec)
         },
+        env_kwargs=keywords,
         trajectories=tuple(turns) if trajectories else (),
     )
 

@@ -11,6 +11,7 @@ from rodgym import _checks as checks
 from rodgym import machines
 from rodgym.evaluation import Evaluation, Policy, Record, evaluate, record
 from rodgym.evaluation.design import Design
+from rodgym.evaluation.trajectories import write_trajectories
 from rodgym.report import animation, plots
 from rodgym.runs import Run, write_csv
 
@@ -59,18 +60,28 @@ def compare(
     seeds: Sequence[int] = range(100),
     env_kwargs: Mapping[str, Any] | None = None,
     training: Training | None = None,
+    trajectories: str | None = None,
 ) -> Comparison:
     """Evaluates all on the same seeds, then writes tables, plots and the animation.
 
     Files: ``scores.csv`` (one row per policy and seed), ``episode.csv`` (the steps of the episode
     that is shown), ``scores.png``, ``episode.png``, ``animation.gif`` and, with a training,
-    ``learning_curve.png``; and the machine's own pictures.
+    ``learning_curve.png``; and the machine's own pictures. With `trajectories`, ``"csv"`` or
+    ``"parquet"``, every step of every episode too.
     """
     began = time.perf_counter()
     seeds = checks.seeds(seeds)
     kwargs = dict(env_kwargs or {})
     evaluations = tuple(
-        evaluate(e.policy, env_id, seeds, env_kwargs=kwargs, **e.how()) for e in entrants
+        evaluate(
+            e.policy,
+            env_id,
+            seeds,
+            env_kwargs=kwargs,
+            trajectories=trajectories is not None,
+            **e.how(),
+        )
+        for e in entrants
     )
     records = tuple(
         record(
@@ -85,6 +96,8 @@ def compare(
         for e in entrants
     )
     _write_scores(run, evaluations)
+    if trajectories is not None:
+        write_trajectories(run.file(f"trajectories.{trajectories}"), evaluations)
     _write_episode(run, records)
     plots.distributions(run.file("scores.png"), evaluations)
     plots.episodes(run.file("episode.png"), records)

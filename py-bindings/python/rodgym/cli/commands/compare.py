@@ -16,6 +16,7 @@ from rodgym.cli.arguments import (
     add_normalize,
     add_run,
     add_seeds,
+    add_trajectories,
     designs,
     env_keywords,
 )
@@ -56,6 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser, **run: str) -> None:
     add_designs(parser)
     add_normalize(parser)
     add_seeds(parser)
+    add_trajectories(parser)
     add_training(parser)
     add_run(parser, **run)
 
@@ -84,7 +86,7 @@ TRAINING = ("algorithm", "steps", "seed", "recipe", "changes")
 def run(args: argparse.Namespace) -> int:
     from rodgym import machines
     from rodgym.cli.entrants import new_run, rows_of
-    from rodgym.cli.needs import REPORT, need, of_env, of_policy
+    from rodgym.cli.needs import REPORT, need, of_data, of_env, of_policy
     from rodgym.cli.needs import TRAINING as TRAINS
     from rodgym.evaluation.conditions import make_batch
     from rodgym.evaluation.policies import ready
@@ -96,7 +98,7 @@ def run(args: argparse.Namespace) -> int:
         named = ", ".join("--set" if name == "changes" else f"--{name}" for name in asked)
         raise UsageError(f"{named}: nothing is trained where --policy is given")
     policies = of_policy(*args.policy) if args.policy else TRAINS
-    need(*policies, *REPORT, *of_env(args.env))
+    need(*policies, *REPORT, *of_env(args.env), *of_data(args.trajectories, None))
     keywords = env_keywords(args.env, args.env_arg)
     env = make_batch(args.env, 1, keywords)
     try:
@@ -141,6 +143,7 @@ def report(args: argparse.Namespace, entrants: list[Entrant], folder: Run) -> in
         seeds=args.seeds,
         env_kwargs=dict(args.env_arg),
         training=training,
+        trajectories=args.trajectories,
     )
     folder.facts |= {
         "env": args.env,

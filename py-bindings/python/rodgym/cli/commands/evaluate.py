@@ -6,12 +6,14 @@ import argparse
 
 from rodgym.cli.arguments import (
     DEFAULT_ENV,
+    UsageError,
     add_designs,
     add_env,
     add_force,
     add_normalize,
     add_run,
     add_seeds,
+    add_trajectories,
     designs,
 )
 
@@ -34,21 +36,31 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_designs(parser)
     add_normalize(parser)
     add_seeds(parser)
+    add_trajectories(parser)
+    parser.add_argument(
+        "--minari",
+        metavar="ID",
+        help="also write the episodes as a data set of Minari, such as pendulum/lqr-v0",
+    )
     add_run(parser)
     add_force(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     from rodgym.cli.entrants import new_run, resolve_env, rows_of
-    from rodgym.cli.needs import need, of_env, of_policy
+    from rodgym.cli.needs import need, of_data, of_env, of_policy
     from rodgym.evaluation import comparison_table, evaluate
     from rodgym.evaluation.conditions import spec_for
+    from rodgym.evaluation.trajectories import write_trajectories
     from rodgym.runs import default_name, write_csv
 
     env_id, env_kwargs = resolve_env(args.policy, args.env, dict(args.env_arg), DEFAULT_ENV)
-    need(*of_policy(args.policy), *of_env(env_id))
+    need(*of_policy(args.policy), *of_env(env_id), *of_data(args.trajectories, args.minari))
     asked = designs(args.design)
     rows = rows_of(args.policy, spec_for(env_id, env_kwargs), asked)
+    if args.minari and len(rows) > 1:
+        raise UsageError("--minari: a data set is of one policy: give one --design")
+    kept = bool(args.trajectories or args.minari)
     results = [
         evaluate(
             row.policy,
@@ -58,6 +70,7 @@ def run(args: argparse.Namespace) -> int:
             name=row.name,
             design=row.design or (asked[0] if asked else None),
             normalize=args.normalize,
+            trajectories=kept,
         )
         for row in rows
     ]
@@ -74,4 +87,10 @@ def run(args: argparse.Namespace) -> int:
     )
     print(comparison_table(results))
     print(f"every episode: {folder.file('scores.csv')}")
+    if args.trajectories:
+        path = folder.file(f"trajectories.{args.trajectories}")
+        write_trajectories(path, results)
+        print(f"every step: {path}")
+    if args.minari:
+        print(f"data set: {results[0].write_minari(args.minari)}")
     return 0
