@@ -1,4 +1,4 @@
-"""Ten students of each recipe: `make distil`, or `python tests/long/distil.py --students 3`.
+"""Ten students of each recipe: `make distil`, or `python tests/long/distil.py --seeds 3`.
 
 Teaches them one after the other in runs/distil, going on where it was stopped, plays each on seeds
 that were used for no choice, and writes what docs/distillation.md says below its last heading. Ends
@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from rodgym.cli.arguments import seeds
 from rodgym.distil import distil, load_recipe
 from rodgym.distil.checkpoint import NAME as CHECKPOINT
 from rodgym.evaluation import Evaluation, evaluate
@@ -123,14 +124,16 @@ def holds(promise: Promise, results: list[Result]) -> bool:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--students", type=int, default=10, help="seeds 0, 1, ... of each recipe")
+    parser.add_argument(
+        "--seeds", type=seeds, default=range(10), help="N or FIRST:END: students of each recipe"
+    )
     parser.add_argument("--recipe", choices=PROMISES, help="of this recipe only; writes no page")
     args = parser.parse_args()
     names = [args.recipe] if args.recipe else list(PROMISES)
     parts, failed = [], []
     for name in names:
         promise = PROMISES[name]
-        results = [taught(name, promise, seed) for seed in range(args.students)]
+        results = [taught(name, promise, seed) for seed in args.seeds]
         if not holds(promise, results):
             failed.append(promise.title)
         asked = f"at least {promise.upright} of 100 upright"

@@ -17,8 +17,11 @@ from rodgym.distil.student import Shape, Student
 from rodgym.evaluation import evaluate, load_policy
 from rodgym.evaluation.policies import PolicyError
 from rodgym.export import export
+from rodgym.export.network import check_same
 from rodgym.runs import Run
 from rodgym.training import load_recipe, train
+from stable_baselines3 import PPO
+from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 
 ENV = "rodgym/PendulumSwingUpBase-v0"
 SHORT = {"max_episode_steps": 60, "sensor_noise": {"angle": 0.001, "rate": 0.01}}
@@ -91,6 +94,24 @@ def test_the_policies_that_ship_can_be_exported(env_id: str, tmp_path: Path) -> 
     env = gym.make(env_id)
     assert env.observation_space.shape is not None
     play(tmp_path / "zoo.onnx", load_policy("zoo", env), env.observation_space.shape[0])
+
+
+def test_a_policy_with_more_before_it_than_frames_is_refused(tmp_path: Path) -> None:
+    env = VecNormalize(DummyVecEnv([lambda: gym.make(ENV, **SHORT)]))
+    model = PPO("MlpPolicy", env, n_steps=64, batch_size=64, learning_rate=0.01, device="cpu")
+    model.learn(256)
+    model.save(tmp_path / "policy.zip")
+    env.save(str(tmp_path / "vecnormalize.pkl"))
+    with pytest.raises(PolicyError, match="Normalized cannot be exported"):
+        export(str(tmp_path / "policy.zip"), tmp_path / "policy.onnx", ENV, SHORT)
+    assert not (tmp_path / "policy.onnx").exists()
+    # What is not known to stand there shows in the answers.
+    policy = student_file(SHAPES["mlp"], tmp_path / "policy.zip")
+    other = student_file(SHAPES["mlp"], tmp_path / "policy.zip")
+    check_same(policy.student, other, gym.make(ENV).observation_space)
+    other.student.mean += 0.1
+    with pytest.raises(PolicyError, match="answer otherwise than it does"):
+        check_same(policy.student, other, gym.make(ENV).observation_space)
 
 
 def test_the_program_exports_and_evaluates(

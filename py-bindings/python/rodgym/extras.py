@@ -15,6 +15,7 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "report": ("matplotlib", "jinja2", "PIL", "yaml"),
     "remote": ("zmq", "msgpack"),
     "export": ("onnx", "onnxruntime"),
+    "data": ("pyarrow", "minari", "h5py"),
     "ray": ("ray", "yaml", "matplotlib"),
     "train": (
         "stable_baselines3", "tensorboard", "torch", "rich", "tqdm",

@@ -25,7 +25,7 @@ def need(*modules: str) -> None:
 
 def of_policy(*sources: str) -> tuple[str, ...]:
     """What policies need: ONNX files their runtime, other trained ones Stable-Baselines3."""
-    from rodgym.evaluation.policies import is_zoo
+    from rodgym.zoo import is_zoo
 
     trained = [source for source in sources if is_zoo(source) or Path(source).exists()]
     exported = [source for source in trained if source.endswith(".onnx")]
@@ -40,3 +40,8 @@ def of_env(env_id: str | None) -> tuple[str, ...]:
     from rodgym._registration import REMOTE
 
     return ("zmq", "msgpack") if env_id == REMOTE else ()
+
+
+def of_data(table: str | None, dataset: str | None) -> tuple[str, ...]:
+    """What a table of steps and a data set need."""
+    return (*(("pyarrow",) if table == "parquet" else ()), *(("minari", "h5py") if dataset else ()))

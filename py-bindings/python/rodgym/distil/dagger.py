@@ -26,7 +26,7 @@ from rodgym.distil.rounds import Pair, teach
 from rodgym.distil.student import Shape, Student
 from rodgym.evaluation import evaluate
 from rodgym.evaluation.conditions import conditions
-from rodgym.evaluation.policies import Policy
+from rodgym.evaluation.policy import Policy
 from rodgym.progress import Bar
 from rodgym.runs import Run, RunError, versions, write_csv
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgym.evaluation.policies import Policy
+from rodgym.evaluation.policy import Policy
 
 Rows = NDArray[np.float32]
 

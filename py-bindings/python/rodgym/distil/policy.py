@@ -17,7 +17,8 @@ import numpy as np
 import torch
 
 from rodgym.distil.student import Shape, Student
-from rodgym.evaluation.policies import CARD, AnyEnv, PolicyError
+from rodgym.evaluation.policy import AnyEnv, PolicyError
+from rodgym.evaluation.saved import CARD
 from rodgym.evaluation.stepped import Rows, Stepped, check_sizes
 
 #: Member of a student's file that holds its parameters.

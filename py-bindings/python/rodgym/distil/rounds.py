@@ -11,7 +11,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import gymnasium as gym
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -20,7 +19,9 @@ from rodgym import machines
 from rodgym.distil.lost import lose
 from rodgym.distil.student import Student
 from rodgym.errors import ParameterError
-from rodgym.evaluation.policies import Policy, ask, load_policy
+from rodgym.evaluation.conditions import make_batch
+from rodgym.evaluation.policies import load_policy
+from rodgym.evaluation.policy import Policy, ask
 
 Rows = NDArray[np.float32]
 
@@ -53,7 +54,7 @@ class Pair:
         count: int,
         sight: Mapping[str, Any] | None = None,
     ) -> None:
-        self.student = gym.make_vec(env_id, num_envs=count, **env_kwargs)
+        self.student = make_batch(env_id, count, env_kwargs)
         spec = machines.spec_of(self.student)
         view = teacher_sight(spec) if sight is None else dict(sight)
         disturbance = spec["config"].get("torque_disturbance", 0)
@@ -63,13 +64,13 @@ class Pair:
                 f"torque_disturbance = {disturbance!r} is not allowed beside sensor_noise: it must "
                 "be 0 where a student is taught, because both draw from one random stream"
             )
-        self.teacher = gym.make_vec(env_id, num_envs=count, **{**env_kwargs, **view})
+        self.teacher = make_batch(env_id, count, {**env_kwargs, **view})
         self.num_envs = count
 
     def reset(self, seeds: list[int]) -> tuple[Rows, Rows]:
         """What the student and the teacher see of episodes that begin."""
-        seen, _ = self.student.reset(seed=seeds)  # type: ignore[arg-type]
-        truth, _ = self.teacher.reset(seed=seeds)  # type: ignore[arg-type]
+        seen, _ = self.student.reset(seed=seeds)
+        truth, _ = self.teacher.reset(seed=seeds)
         return seen, truth
 
     def step(self, action: Rows, running: NDArray[np.bool_]) -> tuple[Rows, Rows, Any]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rodgym import _checks as checks
 from rodgym.errors import ShapeError
-from rodgym.evaluation.policies import AnyEnv, PolicyError
+from rodgym.evaluation.policy import AnyEnv, PolicyError
 
 Rows = NDArray[np.float32]
 #: Actions (n, a) and next state (n, s) for observations (n, d) and state (n, s).

@@ -13,7 +13,7 @@ from onnx import ModelProto, TensorProto, checker, helper, numpy_helper
 from torch import nn
 
 from rodgym.distil.student import Student
-from rodgym.evaluation.policies import PolicyError
+from rodgym.evaluation.policy import PolicyError
 
 #: Version of the operators, and of the file's format; both of 2022 and widely known.
 OPSET = 17

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-import torch
+import gymnasium as gym
+import numpy as np
 from torch import nn
 
 from rodgym.distil.policy import StudentPolicy
 from rodgym.distil.student import Shape, Student
-from rodgym.evaluation.policies import Policy, PolicyError, Stacked
+from rodgym.evaluation.adapters import Stacked
+from rodgym.evaluation.policy import Policy, PolicyError
 
 
 def network_of(policy: Policy) -> Student:
@@ -53,8 +55,24 @@ def actor_layers(model: Any) -> list[nn.Module]:
     return [layer for layer in layers if not isinstance(layer, nn.Flatten | nn.Identity)]
 
 
-def answers(student: Student, observation: Any, state: Any) -> tuple[Any, Any]:
-    """What the network itself answers, to compare with."""
-    with torch.inference_mode():
-        action, after = student.step(torch.from_numpy(observation), torch.from_numpy(state))
-    return action.numpy(), after.numpy()
+def check_same(network: Student, policy: Policy, space: gym.spaces.Box) -> None:
+    """Plays both on random observations: what stands before a policy and is not exported shows.
+
+    Raises:
+        PolicyError: they answer differently.
+    """
+    rng = np.random.default_rng(0)
+    mine, theirs = StudentPolicy(network), policy
+    own: Any = None
+    other: Any = None
+    for _ in range(2 * network.shape.frames + 4):
+        seen = rng.uniform(space.low, space.high, (8, *space.shape)).astype(np.float32)
+        (action, own), (wanted, other) = (
+            mine.predict(seen, own, np.zeros(8, bool)),
+            theirs.predict(seen, other, np.zeros(8, bool), deterministic=True),
+        )
+        if not np.allclose(action, wanted, rtol=0, atol=1e-4):
+            raise PolicyError(
+                "this policy cannot be exported: its layers alone answer otherwise than it does "
+                "(was it trained behind VecNormalize, or has it a memory of its own?)"
+            )

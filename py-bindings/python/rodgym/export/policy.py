@@ -8,7 +8,7 @@ from typing import Any
 
 import onnxruntime
 
-from rodgym.evaluation.policies import AnyEnv, PolicyError
+from rodgym.evaluation.policy import AnyEnv, PolicyError
 from rodgym.evaluation.stepped import Rows, Stepped, check_sizes
 
 

@@ -6,15 +6,13 @@ import json
 from pathlib import Path
 from typing import Any
 
-import gymnasium as gym
-
 from rodgym import machines
 from rodgym._plain import plain
 from rodgym.distil.student import Student
-from rodgym.evaluation.conditions import conditions
+from rodgym.evaluation.conditions import conditions, make_single
 from rodgym.evaluation.policies import find, load_policy, read_card
 from rodgym.export.graph import model_of
-from rodgym.export.network import network_of
+from rodgym.export.network import check_same, network_of
 from rodgym.runs import versions
 
 
@@ -38,9 +36,11 @@ def export(
         card = read_card(find(source))
         env_id, env_kwargs = card["env"], {**card.get("env_kwargs", {}), **(env_kwargs or {})}
     env_id, keywords = conditions(env_id, env_kwargs)
-    env = gym.make(env_id, **keywords)
+    env = make_single(env_id, keywords)
     try:
-        network = network_of(load_policy(source, env))
+        policy = load_policy(source, env)
+        network = network_of(policy)
+        check_same(network, policy, env.observation_space)
         spec = machines.spec_of(env)
         card = card or read_card(find(source, env))
     finally:

@@ -9,6 +9,11 @@ from pathlib import Path
 ZOO = Path(__file__).parent
 
 
+def is_zoo(source: str) -> bool:
+    """Whether a policy's name means one that comes with rodgym: `zoo`, or `zoo:NAME`."""
+    return source.partition(":")[0] == "zoo"
+
+
 def zoo_policy(env_id: str, name: str = "") -> Path | None:
     """File of the trained policy for an environment that comes with rodgym, if there is one.
 

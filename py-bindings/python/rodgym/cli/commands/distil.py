@@ -96,7 +96,8 @@ def run(args: argparse.Namespace) -> int:
         made = teach(args, Run(name, args.runs))
     if args.fine_tune and made is not None:
         from rodgym.distil.fine_tune import fine_tune
-        from rodgym.evaluation.policies import is_zoo, of_zoo
+        from rodgym.evaluation.policies import of_zoo
+        from rodgym.zoo import is_zoo
 
         if is_zoo(made):
             made = str(of_zoo(made, args.env))

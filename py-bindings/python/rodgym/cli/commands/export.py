@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     from rodgym.cli.needs import need, of_env
-    from rodgym.evaluation.policies import is_zoo
+    from rodgym.zoo import is_zoo
 
     zoo = is_zoo(args.policy)
     path = args.out or (Path() if zoo else Path(args.policy)) / "policy.onnx"

@@ -7,7 +7,15 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rodgym.cli.arguments import add_env, add_run, env_keywords, key_value, positive, seed
+from rodgym.cli.arguments import (
+    add_env,
+    add_force,
+    add_run,
+    env_keywords,
+    key_value,
+    positive,
+    seed,
+)
 
 if TYPE_CHECKING:
     from rodgym.runs import Run
@@ -57,9 +65,7 @@ def add_training(parser: argparse.ArgumentParser) -> None:
         metavar="NAME=VALUE",
         help="changes a value of the recipe, such as n_envs=128; may be repeated",
     )
-    parser.add_argument(
-        "--force", action="store_true", help="replace the policy of an earlier run of this name"
-    )
+    add_force(parser)
 
 
 def run(args: argparse.Namespace) -> int:
