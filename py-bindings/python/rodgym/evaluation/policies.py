@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 import zipfile
 from pathlib import Path
 from typing import Any, Protocol, TypeAlias
@@ -20,6 +21,8 @@ AnyEnv: TypeAlias = "gym.Env[Any, Any] | gym.vector.VectorEnv[Any, Any, Any]"
 
 #: Member of a saved policy's zip file that says how it was trained.
 CARD = "rodgym.json"
+#: The member with the statistics of its `VecNormalize`.
+STATISTICS = "vecnormalize.pkl"
 
 
 class PolicyError(rodgym.RodgymError, ValueError):
@@ -132,17 +135,37 @@ class Stacked:
         if state is None:
             past = np.zeros((len(batch), (self.depth - 1) * size), batch.dtype)
             last = np.zeros((len(batch), self.own_actions), batch.dtype)
+            inner = None
         else:
-            past, last = (part.copy() for part in state)
+            past, last, inner = state
             if episode_start is not None:
+                past, last = past.copy(), last.copy()
                 past[np.atleast_1d(episode_start)] = 0
                 last[np.atleast_1d(episode_start)] = 0
         seen = np.concatenate([past, batch, last], axis=1)
-        action, _ = self.policy.predict(
-            seen if observation.ndim == 2 else seen[0], deterministic=deterministic
+        action, inner = self.policy.predict(
+            seen if observation.ndim == 2 else seen[0], inner, episode_start, deterministic
         )
         last = np.atleast_2d(action)[:, : self.own_actions]
-        return action, (seen[:, size:], last)
+        return action, (seen[:, size:], last, inner)
+
+
+class Normalized:
+    """A policy that sees observations normalised by the statistics of its training."""
+
+    def __init__(self, policy: Policy, statistics: Any) -> None:
+        self.policy = policy
+        self.statistics = statistics
+
+    def predict(
+        self,
+        observation: NDArray[np.float32],
+        state: Any = None,
+        episode_start: NDArray[np.bool_] | None = None,
+        deterministic: bool = False,
+    ) -> tuple[Any, Any]:
+        seen = self.statistics.normalize_obs(observation)
+        return self.policy.predict(seen, state, episode_start, deterministic)  # type: ignore[no-any-return]
 
 
 def controller_names() -> list[str]:
@@ -206,15 +229,25 @@ def read_card(path: Path) -> dict[str, Any]:
 
 
 def _load_trained(path: Path, env: AnyEnv) -> Policy:
-    import stable_baselines3
     import torch
+
+    from rodgym.zoo.algorithms import AlgorithmError, algorithm_class
 
     torch.set_num_threads(1)
     card = read_card(path)
-    algorithm = getattr(stable_baselines3, str(card.get("algorithm")), None)
-    if algorithm is None:
-        raise PolicyError(f"{path}: unknown algorithm {card.get('algorithm')!r}")
-    model = algorithm.load(path, device="cpu")
+    try:
+        algorithm = algorithm_class(str(card.get("algorithm")))
+    except AlgorithmError as error:
+        raise PolicyError(f"{path}: {error}") from error
+    if card.get("wrappers"):
+        raise PolicyError(
+            f"{path} was trained behind {', '.join(card['wrappers'])}, which an evaluation does "
+            "not know"
+        )
+    model: Any = algorithm.load(path, device="cpu")
+    with zipfile.ZipFile(path) as archive:
+        member = STATISTICS in archive.namelist()
+        statistics = pickle.loads(archive.read(STATISTICS)) if member else None
     depth = int(card.get("frame_stack", 1))
     space: Any = getattr(env, "single_observation_space", env.observation_space)
     action_space: Any = getattr(env, "single_action_space", env.action_space)
@@ -225,5 +258,14 @@ def _load_trained(path: Path, env: AnyEnv) -> Policy:
             f"{path} was trained in {card['env']} and sees {seen} numbers; "
             f"this environment shows {space.shape[0]}"
         )
-    stacked = depth > 1 or own_actions
-    return Stacked(model, depth, own_actions) if stacked else model  # type: ignore[no-any-return]
+    return behind(model, depth, own_actions, statistics)
+
+
+def behind(model: Any, depth: int, own_actions: int, statistics: Any) -> Policy:
+    """A model behind what its training put before it."""
+    policy: Policy = model
+    if depth > 1:
+        policy = Stacked(policy, depth)
+    if statistics is not None and statistics.norm_obs:
+        policy = Normalized(policy, statistics)
+    return Stacked(policy, 1, own_actions) if own_actions else policy
