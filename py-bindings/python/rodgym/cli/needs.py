@@ -44,3 +44,8 @@ def of_env(env_id: str | None) -> tuple[str, ...]:
     from rodgym._registration import REMOTE
 
     return ("zmq", "msgpack") if env_id == REMOTE else ()
+
+
+def of_data(table: str | None, dataset: str | None) -> tuple[str, ...]:
+    """What a table of steps and a data set need."""
+    return (*(("pyarrow",) if table == "parquet" else ()), *(("minari", "h5py") if dataset else ()))

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from rodgym.cli.arguments import (
     UsageError,
     add_env,
+    add_force,
     add_run,
     env_keywords,
     key_value,
@@ -96,9 +97,7 @@ def add_training(parser: argparse.ArgumentParser) -> None:
         metavar="NAME=VALUE",
         help="changes a value of the recipe, such as n_envs=128; may be repeated",
     )
-    parser.add_argument(
-        "--force", action="store_true", help="replace the policy of an earlier run of this name"
-    )
+    add_force(parser)
 
 
 def run(args: argparse.Namespace) -> int:
