@@ -64,6 +64,7 @@ PLAY = ("--seeds", "2", *SHORT, "--runs")
 COMMANDS: list[tuple[str, list[str], set[str] | None]] = [
     ("list", ["list"], None),
     ("evaluate", ["evaluate", "lqr", *PLAY, "evaluate"], None),
+    ("steps", ["evaluate", "lqr", "--trajectories", "parquet", *PLAY, "steps"], {"data"}),
     ("evaluate-zoo", ["evaluate", "zoo", *PLAY, "evaluate-zoo"], {"train"}),
     ("gif", ["render", "lqr", "lqr.gif", *SHORT], {"render", "report", "train", "ray"}),
     ("strip", ["render", "zoo", "zoo.png", *SHORT], {"train"}),

@@ -17,8 +17,9 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "export": ("onnx", "onnxruntime"),
     "data": ("pyarrow", "minari", "h5py"),
     "ray": ("ray", "yaml", "matplotlib"),
+    "tune": ("optuna", "stable_baselines3", "yaml"),
     "train": (
-        "stable_baselines3", "tensorboard", "torch", "rich", "tqdm",
+        "stable_baselines3", "sb3_contrib", "tensorboard", "torch", "rich", "tqdm",
         "matplotlib", "jinja2", "PIL", "yaml",
     ),
 }  # fmt: skip

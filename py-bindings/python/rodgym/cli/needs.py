@@ -35,6 +35,16 @@ def of_policy(*sources: str) -> tuple[str, ...]:
     )
 
 
+def of_algorithm(name: str | None) -> tuple[str, ...]:
+    """What an algorithm needs beside a training: some are in another package."""
+    from rodgym.zoo.algorithms import AlgorithmError, package_of
+
+    try:
+        return () if name is None else (package_of(name),)
+    except AlgorithmError:
+        return ()  # It is refused where it is asked for.
+
+
 def of_env(env_id: str | None) -> tuple[str, ...]:
     """What an environment needs: one of a server the network."""
     from rodgym._registration import REMOTE

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgym.evaluation.policy import Policy
+from rodgym.evaluation.policy import Policy, PolicyError
 
 
 class Stacked:
@@ -74,3 +74,37 @@ class Normalized:
     ) -> tuple[Any, Any]:
         seen = self.statistics.normalize_obs(observation)
         return self.policy.predict(seen, state, episode_start, deterministic)  # type: ignore[no-any-return]
+
+
+def behind(model: Any, frames: int, own_actions: int, statistics: Any) -> Policy:
+    """A model of Stable-Baselines3 behind what its training put before it.
+
+    Parameters
+    ----------
+    frames: observations that it sees at once
+    own_actions: numbers of its own last action after each of them
+    statistics: a ``VecNormalize``, or None; the count of its numbers tells where it stood: over the
+        stacked frames, over an observation with the last action, or over the observation alone
+
+    Raises
+    ------
+    PolicyError: statistics of another count
+    """
+    policy: Policy = model
+    each = model.observation_space.shape[0] // frames
+    counted = None
+    if statistics is not None and statistics.norm_obs:
+        counted = int(statistics.obs_rms.mean.size)
+        if counted not in (frames * each, each, each - own_actions):
+            raise PolicyError(
+                f"the statistics are of {counted} numbers, but {each - own_actions} are normalised"
+            )
+    if frames > 1:
+        stood = Normalized(policy, statistics) if counted == frames * each else policy
+        policy = Stacked(stood, frames)
+    if counted == each:
+        policy = Normalized(policy, statistics)
+    if own_actions:
+        policy = Stacked(policy, 1, own_actions)
+        policy = Normalized(policy, statistics) if counted == each - own_actions else policy
+    return policy

@@ -13,22 +13,25 @@ from rodgym._own import is_named
 from rodgym.baselines import CONTROLLERS, Controller
 from rodgym.errors import ParameterError
 from rodgym.evaluation import own
-from rodgym.evaluation.adapters import Stacked
+from rodgym.evaluation.adapters import Normalized, Stacked, behind
 from rodgym.evaluation.design import NOMINAL, Design, design_of, designed
 from rodgym.evaluation.origin import Origin
 from rodgym.evaluation.policy import AnyEnv, Policy, PolicyError, Random, Zero, check_policy
-from rodgym.evaluation.saved import CARD, read_card
+from rodgym.evaluation.saved import CARD, STATISTICS, read_card
 from rodgym.zoo import is_zoo, zoo_policy
 
 __all__ = [
     "CARD",
     "IDLE",
+    "STATISTICS",
+    "Normalized",
     "Player",
     "Policy",
     "PolicyError",
     "Random",
     "Stacked",
     "Zero",
+    "behind",
     "controller_names",
     "find",
     "load_policy",

@@ -21,7 +21,7 @@ from rodgym import machines
 from rodgym._layers import is_transparent, layers, name_of, opaque
 from rodgym._registration import REMOTE
 from rodgym.errors import ParameterError
-from rodgym.evaluation.adapters import Normalized, Stacked
+from rodgym.evaluation.adapters import Normalized, Stacked, behind
 from rodgym.evaluation.origin import Origin
 from rodgym.evaluation.policy import AnyEnv, Policy, PolicyError
 from rodgym.evaluation.saved import LIBRARIES, STATISTICS, read_card, statistics_file
@@ -81,6 +81,12 @@ def load_trained(path: Path, env: AnyEnv, normalize: Any = None) -> tuple[Policy
         own_actions=int(model.action_space.shape[0]) if card.get("own_actions") else 0,
         statistics=_found(path) if normalize is None else statistics_of(normalize),
     )
+    behind_wrappers = [name.rpartition(".")[2] for name in card.get("wrappers") or ()]
+    if absent := [name for name in behind_wrappers if name not in opaque(env)]:
+        raise PolicyError(
+            f"{path} was trained behind {absent[0]}, which the environment here does not have: "
+            "register one that has it"
+        )
     trained = f" was trained in {origin.env_id} and" if origin else ""
     return _behind(model, f"{path}{trained}", env, sight), origin
 
@@ -131,21 +137,12 @@ def _behind(model: Any, name: str, env: AnyEnv, sight: Sight) -> Policy:
     frames = _frames(model, name, space, sight)
     if sight.statistics is None:
         _check_normalized(model, name, frames)
-    policy: Policy = model
-    stacked = frames > 1 or sight.own_actions > 0
-    size = sight.statistics.obs_rms.mean.shape if sight.statistics else None
-    # Whether frames were normalised before they were stacked, or after: their number tells.
-    if size == model.observation_space.shape:
-        policy = Normalized(policy, sight.statistics)
-    policy = Stacked(policy, frames, sight.own_actions) if stacked else policy
-    if size is not None and size != model.observation_space.shape:
-        if size != space.shape:
-            raise PolicyError(
-                f"the statistics for {name} are of {numbers(size)} numbers; this environment shows "
-                f"{numbers(space.shape)}"
-            )
-        policy = Normalized(policy, sight.statistics)
-    return policy
+    if len(space.shape) != 1:
+        return model  # type: ignore[no-any-return]
+    try:
+        return behind(model, frames, sight.own_actions, sight.statistics or None)
+    except PolicyError as error:
+        raise PolicyError(f"{name}: {error}") from error
 
 
 def _frames(model: Any, name: str, space: gym.spaces.Box, sight: Sight) -> int:

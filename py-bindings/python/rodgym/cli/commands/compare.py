@@ -90,7 +90,6 @@ def run(args: argparse.Namespace) -> int:
     from rodgym.cli.needs import TRAINING as TRAINS
     from rodgym.evaluation.conditions import make_batch
     from rodgym.evaluation.policies import ready
-    from rodgym.report import Entrant
     from rodgym.runs import default_name
 
     asked = [name for name in TRAINING if given(getattr(args, name))]
@@ -99,6 +98,8 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"{named}: nothing is trained where --policy is given")
     policies = of_policy(*args.policy) if args.policy else TRAINS
     need(*policies, *REPORT, *of_env(args.env), *of_data(args.trajectories, None))
+    from rodgym.report import Entrant  # It draws, so that it needs what was asked for above.
+
     keywords = env_keywords(args.env, args.env_arg)
     env = make_batch(args.env, 1, keywords)
     try:
