@@ -110,7 +110,7 @@ bench: extension ## speed beside other simulators (installed ones): refreshes do
 .PHONY: accuracy
 accuracy: venv ## long: how exact every stepper is; writes the table of default steps and docs/performance/accuracy.md
 	cargo build --release -p rodgym-core --example swing
-	$(BIN)/python tests/long/accuracy.py
+	PYTHONPATH=tests/python $(BIN)/python tests/long/accuracy.py
 
 .PHONY: soak-pendulum
 soak-pendulum: ## long: a million random torques on ordinary rods, and on soft and thin ones
