@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from numpy.typing import NDArray
 
 from rodgym import machines
+from rodgym.baselines import CONTROLLERS
 from rodgym.evaluation.conditions import conditions, needs_end
 from rodgym.evaluation.episodes import play
-from rodgym.evaluation.policies import controller_names, find, load_policy
+from rodgym.evaluation.policies import Policy, controller_names, find, load_policy
 from rodgym.evaluation.score import score
 from rodgym.study.spec import Case, StudyError
 
@@ -38,26 +42,55 @@ def run_case(case: Case) -> Row:
     """Plays the case's policy on its seeds and returns the means of the scores.
 
     The row depends on the case alone: not on the machine, the process or what ran before. Scores
-    that no episode defines are NaN.
+    that no episode defines are NaN. A case with a key ``each`` also has that score of every
+    episode, in one text.
     """
+    return row_of(case)
+
+
+def row_of(case: Case, policy: Policy | None = None) -> Row:
+    """The row of a case; `policy` plays instead of the one that it names."""
+    columns = play_case(case, policy)
+    row: Row = {name: _mean(values) for name, values in columns.items()}
+    if each := case.get("each"):
+        row[f"each {each}"] = " ".join(f"{value:.9g}" for value in columns[each])
+    return row
+
+
+def play_case(case: Case, policy: Policy | None = None) -> dict[str, NDArray[np.float64]]:
+    """Every score of every episode of a case; `policy` plays instead of the one that it names."""
     env_id, kwargs = conditions(case["env"], _below("env.", case))
     env: Any = gym.make_vec(env_id, num_envs=case["seeds"], num_threads=1, **kwargs)
     try:
         needs_end(env)
-        policy = load_policy(case["policy"], env)
-        believed = _below("design.", case)
-        if believed:
-            other = gym.make_vec(env_id, num_envs=1, **{**kwargs, **believed})
-            policy = load_policy(case["policy"], other)
-            other.close()
+        if policy is None:
+            believed = _below("design.", case)
+            policy = _believing(case["policy"], env_id, {**kwargs, **believed}, env)
         start = _below("start.", case)
         if start:
             env = Started(env, start_state(machines.spec_of(env), start))
         first = case.get("seed", 0)
-        columns = score(play(policy, env, range(first, first + case["seeds"])))
+        return score(play(policy, env, range(first, first + case["seeds"])))
     finally:
         env.close()
-    return {name: _mean(values) for name, values in columns.items()}
+
+
+def _believing(name: str, env_id: str, believed: dict[str, Any], env: Any) -> Policy:
+    """The policy of this name. A controller is designed for the keywords that it believes in, and
+    once for all cases that it believes the same in: it remembers nothing.
+    """
+    if name in CONTROLLERS:
+        return _designed(name, env_id, json.dumps(believed, sort_keys=True))
+    return load_policy(name, env)
+
+
+@lru_cache(maxsize=32)
+def _designed(name: str, env_id: str, keywords: str) -> Policy:
+    env = gym.make_vec(env_id, num_envs=1, **json.loads(keywords))
+    try:
+        return load_policy(name, env)
+    finally:
+        env.close()
 
 
 def start_state(spec: Mapping[str, Any], given: Mapping[str, float]) -> dict[str, Any]:
