@@ -6,7 +6,7 @@ SHELL := /bin/bash
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
-EXTRAS := train,render,remote,ray,dev
+EXTRAS := train,tune,render,remote,ray,export,dev
 # Extra arguments of the program: make demo ARGS="--steps 100000"
 ARGS ?=
 
@@ -125,6 +125,10 @@ scores: extension ## long: trains on several seeds and writes docs/scores.md
 .PHONY: robustness
 robustness: extension ## long: how far off rod, motor and sensors may be; refreshes docs/robustness.md
 	$(BIN)/python tests/long/robustness.py
+
+.PHONY: distil
+distil: extension ## long: ten students of each recipe, writes the table of docs/distillation.md
+	$(BIN)/python tests/long/distil.py
 
 # A terminal sees cargo's progress; elsewhere what the build says is shown when it fails.
 extension: venv

@@ -14,11 +14,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import gymnasium as gym
-
 from rodgym import machines
 from rodgym._checks import refused
-from rodgym.evaluation.conditions import conditions
+from rodgym.evaluation.conditions import conditions, spec_for
 
 #: Names of the bands, the same for every machine of ours.
 BANDS = ("nominal", "starts", "rods")
@@ -49,9 +47,7 @@ def band_keywords(
     env_id, keywords = conditions(env_id, env_kwargs)
     if band == BANDS[0]:
         return keywords
-    env = gym.make_vec(env_id, num_envs=1, **keywords)
-    spec = machines.spec_of(env)
-    env.close()
+    spec = spec_for(env_id, keywords)
     found = {one.name: one for one in machines.of(spec).bands}
     if band not in found:
         raise refused("band", band, f"one of {', '.join(bands(spec))}")

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from rodgym import _native, machines
-from rodgym.evaluation.policies import Policy, read_card
+from rodgym.evaluation.policies import Policy, PolicyError, read_card
 
 #: Where a policy plays of which nothing else is known.
 DEFAULT_ENV = "rodgym/PendulumSwingUp-v0"
@@ -32,12 +32,17 @@ class Candidate:
 def usual_env(policy: str | Policy) -> tuple[str, dict[str, Any]]:
     """The environment in which a policy is at home, and its keywords: that of its training; for a
     controller the first one of which it is the usual controller (`lqg` sees the base alone).
+
+    Raises:
+        PolicyError: a trained policy that does not say where it was trained.
     """
     if not isinstance(policy, str):
         return DEFAULT_ENV, {}
     file = Path(policy) / "policy.zip" if Path(policy).is_dir() else Path(policy)
     if file.is_file():
         card = read_card(file)
+        if "env" not in card:
+            raise PolicyError(f"{policy} does not say where it was trained: name an environment")
         return str(card["env"]), dict(card.get("env_kwargs", {}))
     ids = [row["id"] for row in _native.catalog()]
     for env_id in sorted(ids, key=lambda known: known != DEFAULT_ENV):

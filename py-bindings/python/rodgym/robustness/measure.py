@@ -7,14 +7,13 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import gymnasium as gym
 import numpy as np
 
 from rodgym import _checks as checks
 from rodgym import machines
 from rodgym._plain import plain
 from rodgym.errors import ParameterError
-from rodgym.evaluation.conditions import conditions
+from rodgym.evaluation.conditions import conditions, spec_for
 from rodgym.evaluation.policies import Policy, check_policy
 from rodgym.machines import Quantity
 from rodgym.robustness.candidate import Candidate, usual_env
@@ -119,12 +118,7 @@ def _candidate(one: Candidate | str) -> Candidate:
 
 def _spec(one: Candidate) -> dict[str, Any]:
     """The nominal environment, as the core has it."""
-    env_id, keywords = conditions(one.env_id, one.env_kwargs)
-    env = gym.make_vec(env_id, num_envs=1, **keywords)
-    try:
-        return machines.spec_of(env)
-    finally:
-        env.close()
+    return spec_for(*conditions(one.env_id, one.env_kwargs))
 
 
 def _quantities(

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -13,18 +11,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgym import machines
+from rodgym._own import is_named
 from rodgym.baselines import CONTROLLERS
-from rodgym.evaluation.conditions import conditions, needs_end
+from rodgym.evaluation.conditions import conditions, make_batch, needs_end
 from rodgym.evaluation.episodes import play
-from rodgym.evaluation.policies import Policy, controller_names, find, load_policy
+from rodgym.evaluation.policies import Policy, controller_names, find, ready
+from rodgym.evaluation.saved import statistics_file
 from rodgym.evaluation.score import score
 from rodgym.study.spec import Case, StudyError
+from rodgym.zoo import is_zoo
 
 Row = dict[str, Any]
 
 
 class Started(gym.vector.VectorWrapper):
     """Starts the first episodes from one exact state instead of a drawn one."""
+
+    transparent = True
 
     def __init__(self, env: Any, state: dict[str, Any]) -> None:
         super().__init__(env)
@@ -60,35 +63,18 @@ def row_of(case: Case, policy: Policy | None = None) -> Row:
 def play_case(case: Case, policy: Policy | None = None) -> dict[str, NDArray[np.float64]]:
     """Every score of every episode of a case; `policy` plays instead of the one that it names."""
     env_id, kwargs = conditions(case["env"], _below("env.", case))
-    env: Any = gym.make_vec(env_id, num_envs=case["seeds"], num_threads=1, **kwargs)
+    env: Any = make_batch(env_id, case["seeds"], kwargs, num_threads=1)
     try:
         needs_end(env)
-        if policy is None:
-            believed = _below("design.", case)
-            policy = _believing(case["policy"], env_id, {**kwargs, **believed}, env)
+        # Of a policy that nobody designs, such as a trained one, a case's design says nothing.
+        design = _below("design.", case) or case.get("design")
+        design = design if policy is None and case["policy"] in CONTROLLERS else None
+        policy = ready(policy or case["policy"], env, env_id, design).policy
         start = _below("start.", case)
         if start:
             env = Started(env, start_state(machines.spec_of(env), start))
         first = case.get("seed", 0)
         return score(play(policy, env, range(first, first + case["seeds"])))
-    finally:
-        env.close()
-
-
-def _believing(name: str, env_id: str, believed: dict[str, Any], env: Any) -> Policy:
-    """The policy of this name. A controller is designed for the keywords that it believes in, and
-    once for all cases that it believes the same in: it remembers nothing.
-    """
-    if name in CONTROLLERS:
-        return _designed(name, env_id, json.dumps(believed, sort_keys=True))
-    return load_policy(name, env)
-
-
-@lru_cache(maxsize=32)
-def _designed(name: str, env_id: str, keywords: str) -> Policy:
-    env = gym.make_vec(env_id, num_envs=1, **json.loads(keywords))
-    try:
-        return load_policy(name, env)
     finally:
         env.close()
 
@@ -108,13 +94,18 @@ def start_state(spec: Mapping[str, Any], given: Mapping[str, float]) -> dict[str
     return about.start(spec, given)
 
 
-def policy_file(policy: str) -> Path | None:
-    """The file of a trained policy; None for one that every rodgym has.
+def policy_files(policy: str) -> tuple[Path, ...]:
+    """The files of a trained policy: itself, and its statistics where they lie beside it; none for
+    a policy that every rodgym has, or that is a class of the user's own.
 
     Raises:
         PolicyError: neither a name nor a file.
     """
-    return None if policy in ("zoo", *controller_names()) else find(policy)
+    if is_zoo(policy) or policy in controller_names() or is_named(policy):
+        return ()
+    file = find(policy)
+    statistics = statistics_file(file)
+    return (file,) if statistics is None else (file, statistics)
 
 
 def _below(prefix: str, case: Case) -> dict[str, Any]:

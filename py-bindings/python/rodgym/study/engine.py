@@ -15,7 +15,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from rodgym.study.case import Row, policy_file, run_case
+from rodgym.study.case import Row, policy_files, run_case
 from rodgym.study.spec import Case, Study, StudyError, case_id
 
 Rows = Generator[tuple[int, Row], None, None]
@@ -79,7 +79,7 @@ def complete(
     """Completes the table of any cases; `shown[i]` are the columns that stand before the scores of
     `cases[i]`. For the rest see `run_study`.
     """
-    files = {policy: policy_file(policy) for policy in dict.fromkeys(c["policy"] for c in cases)}
+    files = {policy: policy_files(policy) for policy in dict.fromkeys(c["policy"] for c in cases)}
     ids = [case_id(case, files[case["policy"]]) for case in cases]
     if len(set(ids)) < len(ids):
         raise StudyError("a value is swept twice: two cases are the same")
