@@ -122,6 +122,10 @@ controllers: extension ## long: every claim of the controllers on 100 seeds, wri
 scores: extension ## long: trains on several seeds and writes docs/scores.md
 	$(BIN)/python tests/long/scores.py
 
+.PHONY: robustness
+robustness: extension ## long: how far off rod, motor and sensors may be; refreshes docs/robustness.md
+	$(BIN)/python tests/long/robustness.py
+
 .PHONY: distil
 distil: extension ## long: ten students of each recipe, writes the table of docs/distillation.md
 	$(BIN)/python tests/long/distil.py

@@ -150,6 +150,20 @@ pub const KEYWORDS: &[Keyword] = &[
         Allowed::Other("a multiple of physics_dt, from 0 to 10 control_dt"),
         "by which the command lags behind the action",
     ),
+    bare(keyword(
+        "actuator_gain",
+        "",
+        "1",
+        Allowed::Number(0.01, 10.0),
+        "pitch that the servo goes to over pitch commanded; at most 30 degrees over `pitch_limit`",
+    )),
+    keyword(
+        "command_disturbance",
+        "",
+        "0",
+        Allowed::Number(0.0, 1.0),
+        "standard deviation of what is drawn and added to the command each step, before its low-pass",
+    ),
     preset(&[THESIS_PRESET], "the thesis' material (8.11 MPa, damping 0.1238 kg/s) and stepper"),
     THESIS,
 ];
@@ -207,6 +221,10 @@ pub struct Config {
     pub delay: usize,
     /// Whether the step is ours to choose, and so its error to promise.
     pub promised: bool,
+    /// Pitch that the servo goes to over pitch commanded.
+    pub gain: f64,
+    /// Standard deviation of what is drawn each control step and added to the command.
+    pub disturbance: f64,
     /// Keywords as resolved.
     pub resolved: Map<String, Value>,
 }
@@ -259,6 +277,15 @@ impl Config {
         // The thesis' fin is stiff and damped: at the usual price of power it earns nothing whatever it does.
         let weight = if thesis { 0.5 } else { 1.0 };
         let geometry = read_geometry(&mut reader)?;
+        let pitch_limit = reader.number("pitch_limit", 20f64.to_radians())?;
+        let gain = reader.number("actuator_gain", 1.0)?;
+        if gain > 1.0 && gain * pitch_limit > PITCH_BOUND {
+            let most = (PITCH_BOUND / pitch_limit).max(1.0);
+            let allowed = format!(
+                "a number from 0.01 to {most:.4} for a pitch_limit of {pitch_limit:.4} rad: the servo turns by at most {PITCH_BOUND} rad"
+            );
+            return Err(Error::parameter("actuator_gain", gain, allowed));
+        }
         let free_swimming = setup.free_swimming;
         let design = Design { geometry, hydrodynamics, scheme, physics_dt, free_swimming };
         design.check()?;
@@ -271,15 +298,17 @@ impl Config {
             },
             control_dt,
             substeps,
-            pitch_limit: reader.number("pitch_limit", 20f64.to_radians())?,
+            pitch_limit,
             command_cutoff,
-            ticks: Ticks::new(physics_dt, command_cutoff),
+            ticks: Ticks::new(physics_dt, command_cutoff, gain),
             power_weight: reader.number("power_weight", weight)?,
             start_pitch: reader.range("start_pitch", (-0.1, 0.1))?,
             demand: reader.range("demand", (0.02, 0.15))?,
             noise: reader.numbers("sensor_noise")?,
             delay,
             promised,
+            gain,
+            disturbance: reader.number("command_disturbance", 0.0)?,
             resolved: reader.resolved(),
         })
     }
