@@ -155,19 +155,10 @@ impl<R: Real> Plant<R> {
         disturbance: R,
         watch: Watch<'_>,
     ) -> R::Mask {
-        self.action = action;
-        let command = action * self.parameters[at::TORQUE_LIMIT];
-        let (old, part) = (config.delay / config.substeps, config.delay % config.substeps);
-        for i in (1..self.commands.len()).rev() {
-            self.commands[i] = self.commands[i - 1];
-        }
-        self.commands[0] = command;
-        let Plant { rod, motion, integrator, commands, .. } = self;
-        // During the first part of the step the command before is still on its way. (One loop, so that the
-        // steppers are compiled into this function once.)
-        let phases = [(commands[old + 1], part), (commands[old], config.substeps - part)];
         let mut sound = R::Mask::splat(true);
-        for (command, steps) in phases {
+        // (One loop, so that the steppers are compiled into this function once.)
+        for (command, steps) in self.take(config, action) {
+            let Plant { rod, motion, integrator, .. } = self;
             self.torque = command + disturbance;
             if steps > 0 {
                 let drive = Constant(self.torque);
@@ -178,8 +169,22 @@ impl<R: Real> Plant<R> {
         sound
     }
 
+    /// Takes an action; returns the torques of the control step to come \[N m\], and how many physics steps each acts.
     #[inline(always)]
-    fn take_posture(&self) -> Posture<R> {
+    pub(super) fn take(&mut self, config: &Config, action: R) -> [(R, usize); 2] {
+        self.action = action;
+        let command = action * self.parameters[at::TORQUE_LIMIT];
+        let (old, part) = (config.delay / config.substeps, config.delay % config.substeps);
+        for i in (1..self.commands.len()).rev() {
+            self.commands[i] = self.commands[i - 1];
+        }
+        self.commands[0] = command;
+        // During the first part of the step the command before is still on its way.
+        [(self.commands[old + 1], part), (self.commands[old], config.substeps - part)]
+    }
+
+    #[inline(always)]
+    pub(super) fn take_posture(&self) -> Posture<R> {
         let up = Vec2::new(R::zero(), R::one());
         let mut posture = Posture { rates: R::zero(), off: R::zero() };
         for k in 0..self.edges() {
