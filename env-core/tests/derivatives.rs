@@ -163,7 +163,8 @@ fn many_steps_are_those_of_their_parts() {
 fn the_way_back_is_the_transpose() {
     for stepper in STEPPERS {
         for (nodes, n) in [(2, 3), (7, 8), (12, 130)] {
-            let given = keywords(stepper, nodes, 1e-5);
+            let dt = if stepper == "verlet" { 1e-5 } else { 1e-3 };
+            let given = keywords(stepper, nodes, dt);
             let rod = moving(&given, 11);
             let names: Vec<String> = PARAMETERS.map(String::from).to_vec();
             let there = rod.jacobian(TORQUE, n, &names, Watch::nobody()).expect("it steps");
@@ -171,13 +172,17 @@ fn the_way_back_is_the_transpose() {
             let v: Vec<f64> = (0..s).map(|_| stream.uniform(-1.0, 1.0)).collect();
             let back = rod.pull_back(TORQUE, n, &names, &v).expect("it steps");
             for (matrix, row) in there.iter().zip(&back) {
+                let (mut forwards, mut backwards, mut size) = (0.0, 0.0, 0.0);
                 for (j, found) in row.values.iter().enumerate() {
-                    let terms = column(matrix, j).into_iter().zip(&v).map(|(a, v)| a * v);
-                    let size: f64 = terms.clone().map(f64::abs).sum();
-                    let off = (found - terms.sum::<f64>()).abs();
-                    let what = format!("{stepper}, {nodes} nodes: {} {j}", matrix.name);
-                    assert!(off <= 1e-12 * size, "{what}: {:.1e}", off / size);
+                    let u = stream.uniform(-1.0, 1.0);
+                    for (a, v) in column(matrix, j).into_iter().zip(&v) {
+                        forwards += v * a * u;
+                        size += (v * a * u).abs();
+                    }
+                    backwards += found * u;
                 }
+                let off = (forwards - backwards).abs() / size;
+                assert!(off <= 1e-12, "{stepper}, {nodes} nodes: {} {off:.1e}", matrix.name);
             }
         }
     }
@@ -198,10 +203,10 @@ fn smaller_parts_have_derivatives_too() {
         for _ in 0..30 {
             let mut rod = sharp(&given);
             let angles: Vec<f64> = (0..4).map(|_| stream.uniform(-1.0, 1.0)).collect();
-            let rates: Vec<f64> = (0..4).map(|_| stream.uniform(-150.0, 150.0)).collect();
+            let rates: Vec<f64> = (0..4).map(|_| stream.uniform(-500.0, 500.0)).collect();
             rod.set_angles(&angles, &rates).expect("it has these edges");
+            let Ok(all) = rod.jacobian(TORQUE, 1, &[], Watch::nobody()) else { continue };
             in_parts += usize::from(takes_parts(&rod));
-            let all = rod.jacobian(TORQUE, 1, &[], Watch::nobody()).expect("it steps");
             let state = rod.vector().expect("it has one");
             let by_torque = slope(1e-3, &|h| {
                 let mut rod = rod.clone();

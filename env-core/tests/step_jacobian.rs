@@ -1,8 +1,9 @@
 //! Derivatives of a control step of an environment, delayed motor, sensors and reward included, are those of small
 //! differences of what the environment does.
 
-use rodgym_core::batch::{BatchOptions, Machine, Task, make};
+use rodgym_core::batch::{Batch, BatchOptions, Machine, Task};
 use rodgym_core::env::{AutoresetMode, ResetOptions, Seeds, StepBuffer, VectorEnv};
+use rodgym_core::isa::Isa;
 use rodgym_core::lane::Lanewise;
 use rodgym_core::pendulum::tasks::SwingUp;
 use rodgym_core::pendulum::{Config, PARAMETERS, Pendulum, Plant, Sensors};
@@ -32,14 +33,16 @@ fn keywords(more: &Value) -> Map<String, Value> {
 }
 
 /// Three environments in motion.
-fn moving(task: &SwingUp, given: &Map<String, Value>) -> Box<dyn VectorEnv> {
+fn moving(task: &SwingUp, given: &Map<String, Value>) -> impl VectorEnv {
     let options = BatchOptions {
         num_envs: 3,
         autoreset_mode: AutoresetMode::Disabled,
         max_episode_steps: None,
         num_threads: 1,
     };
-    let mut env = make("rodgym/PendulumSwingUp-v0", task, given, &options).expect("allowed");
+    let id = "rodgym/PendulumSwingUp-v0";
+    let mut env = Batch::<Pendulum, f64>::new(id, task, given, &options, Isa::Baseline)
+        .expect("keywords are allowed");
     let mut buffer = StepBuffer::new(env.spec(), 3);
     // Far from hanging, where the height is clipped.
     let state = json!({"angles": [1.5, 1.6, 1.8], "rates": [1.0, -1.0, 2.0]});
@@ -52,7 +55,7 @@ fn moving(task: &SwingUp, given: &Map<String, Value>) -> Box<dyn VectorEnv> {
 }
 
 /// What one environment is: its plant and its random stream.
-fn inside(env: &dyn VectorEnv, machine: &Pendulum) -> (Plant<f64>, Stream) {
+fn inside(env: &impl VectorEnv, machine: &Pendulum) -> (Plant<f64>, Stream) {
     let saved = env.get_state(INDEX).expect("it has one");
     let saved = Snapshot::decode(&saved, env.spec()).expect("it is its own");
     let mut plant = machine.new_plant::<f64>();
@@ -149,7 +152,7 @@ fn every_column_is_that_of_small_differences() {
         let (task, given) = (SwingUp { sensors }, keywords(&more));
         let env = moving(&task, &given);
         let machine = Pendulum::new(&task.setup(), &given).expect("allowed");
-        let (plant, stream) = inside(&*env, &machine);
+        let (plant, stream) = inside(&env, &machine);
         let names: Vec<String> = PARAMETERS.iter().map(|row| row.name.into()).collect();
         let found = env.step_jacobian(INDEX, &[ACTION], &names).expect("it steps");
         let [a, b, p, c, d, q, reward_state, reward_action, reward_parameters] = &found[..] else {
@@ -213,7 +216,7 @@ fn the_gradient_of_an_episode_is_that_of_small_differences() {
         let (task, given) = (SwingUp { sensors: Sensors::Full }, keywords(&more));
         let env = moving(&task, &given);
         let machine = Pendulum::new(&task.setup(), &given).expect("allowed");
-        let (plant, stream) = inside(&*env, &machine);
+        let (plant, stream) = inside(&env, &machine);
         let actions: Vec<f32> = (0..12).map(|t| (t as f32 * 0.7).sin()).collect();
         let names = ["width".into(), "torque_limit".into()];
         let found = env.rollout_gradient(INDEX, &actions, &names).expect("it steps");
