@@ -200,15 +200,29 @@ def test_an_earlier_policy_is_kept_unless_forced(capsys: pytest.CaptureFixture[s
     assert main(["train", *SMALL, "--name", "mine"]) == 0
     policy = Path("runs/mine/policy.zip")
     before = policy.read_bytes()
-    for command in ("train", "compare", "demo"):
-        assert main([command, *SMALL, "--seed", "1", "--name", "mine"]) == 2
-        assert "choose another --name, or give --force" in capsys.readouterr().err
-        assert policy.read_bytes() == before
+    assert main(["train", *SMALL, "--seed", "1", "--name", "mine"]) == 2
+    assert "choose another --name, or give --force" in capsys.readouterr().err
+    # A comparison goes beside what is there.
+    assert main(["compare", *SMALL, "--seeds", "1", "--seed", "1", "--name", "mine"]) == 0
+    assert "runs/mine is there: this run is runs/mine-2" in capsys.readouterr().err
+    assert policy.read_bytes() == before
+    assert read_card(Path("runs/mine-2/policy.zip"))["seed"] == 1
     assert main(["train", *SMALL, "--seed", "1", "--name", "mine", "--force"]) == 0
     assert read_card(policy)["seed"] == 1
-    # The tour may be taken again.
-    for _ in range(2):
-        assert main(["demo", *SMALL, "--seeds", "1"]) == 0
+
+
+def test_a_second_run_lies_beside_the_first(capsys: pytest.CaptureFixture[str]) -> None:
+    evaluation = ["evaluate", "zero", "--seeds", "1", "--name", "mine"]
+    for number in ("", "-2", "-3"):
+        assert main(evaluation) == 0
+        assert f"runs/mine{number}/scores.csv" in capsys.readouterr().out
+    first = Path("runs/mine/scores.csv")
+    first.write_text("mine\n")
+    assert main(evaluation) == 0
+    assert first.read_text() == "mine\n"
+    assert main([*evaluation, "--force"]) == 0
+    assert first.read_text() != "mine\n"
+    assert not Path("runs/mine-5").exists()
 
 
 def test_a_training_says_what_it_makes_of_its_steps(capsys: pytest.CaptureFixture[str]) -> None:

@@ -84,6 +84,11 @@ class Plant(Settable, Fixed):
         return self._batch.observe(self._index)
 
     @property
+    def last_observation(self) -> npt.NDArray[np.float32]:
+        """What the last reset or step showed, before any wrapper, a copy."""
+        return self._batch.observe(self._index)
+
+    @property
     def positions(self) -> Array:
         """Positions of the nodes [m], shape (nodes, 2), a copy."""
         return self._batch.nodes(self._index)[0]

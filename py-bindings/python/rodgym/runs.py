@@ -23,7 +23,7 @@ PACKAGES = ("rodgym", "gymnasium", "numpy", "stable-baselines3", "torch", "matpl
 
 def default_name(command: str, env_id: str) -> str:
     """``compare`` and ``rodgym/PendulumSwingUp-v0`` make ``compare-pendulumswingup``."""
-    machine = env_id.rpartition("/")[2].partition("-v")[0].lower()
+    machine = re.split("[:/]", env_id)[-1].partition("-v")[0].lower()
     return f"{command}-{machine}"
 
 
@@ -33,7 +33,8 @@ class RunError(rodgym.RodgymError, ValueError):
 
 @dataclass
 class Run:
-    """Where results land. Files of an earlier run of the same name are replaced one by one.
+    """Where results land. Files of an earlier run of the same name are replaced one by one; a run
+    that must replace nothing is :meth:`beside` the earlier ones.
 
     The folder is made when its first file is asked for, so that a run which is refused leaves none.
 
@@ -54,6 +55,14 @@ class Run:
             )
         self.root = Path(self.root)
         self.facts = {**provenance(), **self.facts}
+
+    def beside(self) -> Run:
+        """Itself, or, where its folder holds an earlier run, the first free ``name-2``, ..."""
+        number, run = 1, self
+        while run.path.exists() and (not run.path.is_dir() or any(run.path.iterdir())):
+            number += 1
+            run = Run(f"{self.name}-{number}", self.root, self.facts)
+        return run
 
     @property
     def path(self) -> Path:
@@ -117,9 +126,9 @@ def versions() -> dict[str, str]:
     return {"python": platform.python_version(), **installed}
 
 
-def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+def write_csv(path: str | Path, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
     """Writes a table; floats with all their digits."""
-    with path.open("w", newline="", encoding="utf-8") as stream:
+    with Path(path).open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(header)
         writer.writerows(rows)

@@ -12,8 +12,11 @@ from numpy.typing import NDArray
 
 from rodgym import _checks as checks
 from rodgym import machines
-from rodgym.evaluation.conditions import conditions, needs_end
-from rodgym.evaluation.policies import Policy, ask, check_policy, label_of, load_policy
+from rodgym.evaluation.conditions import conditions, make_single, needs_end
+from rodgym.evaluation.design import Design
+from rodgym.evaluation.episodes import begin
+from rodgym.evaluation.policies import ready
+from rodgym.evaluation.policy import Policy, ask, check_policy, label_of
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,8 @@ def record(
     *,
     env_kwargs: Mapping[str, Any] | None = None,
     name: str | None = None,
+    design: Design | None = None,
+    normalize: Any = None,
     frame_rate: float = 0.0,
     max_seconds: float = float("inf"),
 ) -> Record:
@@ -52,6 +57,7 @@ def record(
 
     Parameters
     ----------
+    design, normalize: as for :func:`rodgym.evaluation.evaluate`
     frame_rate: pictures per second of simulated time; 0 draws none
     max_seconds: stops there, if the episode is longer
 
@@ -70,12 +76,13 @@ def record(
     mode = keywords.setdefault("render_mode", "rgb_array" if frame_rate else None)
     if frame_rate and mode != "rgb_array":
         raise checks.refused("render_mode", mode, "left out, or 'rgb_array', to have pictures")
-    env = gym.make(env_id, **keywords)
+    env = make_single(env_id, keywords)
     try:
         if max_seconds == float("inf"):
             needs_end(env)
-        actor = load_policy(policy, env) if isinstance(policy, str) else policy
-        return _record(actor, env, seed, label_of(policy, name), frame_rate, max_seconds)
+        player = ready(policy, env, env_id, design, normalize)
+        label = label_of(policy, name)
+        return _record(player.policy, env, seed, label, frame_rate, max_seconds)
     finally:
         env.close()
 
@@ -91,7 +98,9 @@ def _record(
     spec = machines.spec_of(env)
     dt = float(spec["control_dt"])
     every = max(1, round(1 / (frame_rate * dt))) if frame_rate else 0
-    observation, _ = env.reset(seed=seed)
+    observation, info = env.reset(seed=seed)
+    drawn = {name: np.array([value]) for name, value in info.get("parameters", {}).items()}
+    begin(actor, env, observation[np.newaxis], drawn)
     frames = [np.asarray(env.render())] if every else []
     state: Any = None
     start = np.ones(1, bool)

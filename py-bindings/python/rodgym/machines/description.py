@@ -78,7 +78,7 @@ class Task:
 
 def total_reward(run: Trajectories) -> Floats:
     """Sum of the rewards of each episode."""
-    return np.asarray(np.where(run.alive, run.rewards, 0.0).sum(axis=0), np.float64)
+    return run.total(run.rewards)
 
 
 def duration(run: Trajectories) -> Floats:

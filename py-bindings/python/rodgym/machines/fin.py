@@ -35,7 +35,7 @@ def beat(run: Trajectories) -> Floats:
     index = np.arange(len(run.alive))[:, None]
     window = run.alive & (index >= run.steps // 2)
     pitch = run.metrics["pitch"]
-    mean = np.where(window, pitch, 0.0).sum(axis=0) / window.sum(axis=0)
+    mean = run.total(pitch, window) / window.sum(axis=0)
     # Padded with zeros: the peak of a short record is read between its own frequencies.
     length = 16 * len(pitch)
     spectrum = np.abs(np.fft.rfft(np.where(window, pitch - mean, 0.0), length, axis=0))

@@ -16,13 +16,17 @@ import ray
 from ray.exceptions import RayError, RayTaskError
 
 import rodgym
+from rodgym.evaluation.saved import STATISTICS
 from rodgym.ray.cluster import WORKER_ENV, cluster
-from rodgym.study.case import Row, policy_file, run_case
+from rodgym.study.case import Row, policy_files, run_case
 from rodgym.study.engine import Backend
 from rodgym.study.spec import Case, StudyError
 
 #: What Ray's tools and `ps` call a running case.
 TASK = "rodgym-case"
+
+#: What a policy's files are called on a worker.
+NAMES = ("policy.zip", STATISTICS)
 
 #: How often a case is run again after its worker or machine died: a case that kills its worker
 #: every time must not go on for ever.
@@ -51,9 +55,10 @@ def _rows(
         name=TASK, num_cpus=1, max_retries=RETRIES, runtime_env={"env_vars": WORKER_ENV}
     )
     # Other machines do not have the files of this one.
-    files = {policy: policy_file(policy) for policy in {case["policy"] for _, case in cases}}
+    files = {policy: policy_files(policy) for policy in {case["policy"] for _, case in cases}}
     contents: dict[str, Any] = {
-        p: None if f is None else ray.put(f.read_bytes()) for p, f in files.items()
+        policy: ray.put(dict(zip(NAMES, (f.read_bytes() for f in own), strict=False)))
+        for policy, own in files.items()
     }
     waiting = iter(cases)
     running: dict[Any, tuple[int, Case]] = {}
@@ -89,16 +94,16 @@ def _result(reference: Any, case: Case) -> Row:
         ) from error
 
 
-def _run(case: Case, policy: bytes | None, version: str) -> Row:
-    """One case on a worker; `policy` is the content of its policy's file, if it has one."""
+def _run(case: Case, files: dict[str, bytes], version: str) -> Row:
+    """One case on a worker; `files` are its policy's by name, if it has any."""
     if rodgym.__version__ != version:
         raise StudyError(
             f"a worker has rodgym {rodgym.__version__}, but the study was started by {version}: "
             "install the same version on all machines"
         )
-    if policy is None:
+    if not files:
         return run_case(case)
     with tempfile.TemporaryDirectory(prefix="rodgym-") as folder:
-        path = Path(folder) / "policy.zip"
-        path.write_bytes(policy)
-        return run_case({**case, "policy": str(path)})
+        for name, content in files.items():
+            (Path(folder) / name).write_bytes(content)
+        return run_case({**case, "policy": str(Path(folder) / NAMES[0])})

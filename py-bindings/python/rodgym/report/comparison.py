@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 from rodgym import _checks as checks
 from rodgym import machines
 from rodgym.evaluation import Evaluation, Policy, Record, evaluate, record
+from rodgym.evaluation.design import Design
+from rodgym.evaluation.trajectories import write_trajectories
 from rodgym.report import animation, plots
 from rodgym.runs import Run, write_csv
 
@@ -24,10 +26,18 @@ MAX_SECONDS = 12.0
 
 @dataclass(frozen=True)
 class Entrant:
-    """A policy and what it is called."""
+    """A policy, what it is called, what a controller is designed for, and the statistics of a
+    trained one (see `rodgym.evaluation.evaluate`).
+    """
 
     name: str
     policy: str | Policy
+    design: Design | None = None
+    normalize: Any = None
+
+    def how(self) -> dict[str, Any]:
+        """Keywords of an evaluation."""
+        return {"name": self.name, "design": self.design, "normalize": self.normalize}
 
 
 @dataclass(frozen=True)
@@ -50,18 +60,28 @@ def compare(
     seeds: Sequence[int] = range(100),
     env_kwargs: Mapping[str, Any] | None = None,
     training: Training | None = None,
+    trajectories: str | None = None,
 ) -> Comparison:
     """Evaluates all on the same seeds, then writes tables, plots and the animation.
 
     Files: ``scores.csv`` (one row per policy and seed), ``episode.csv`` (the steps of the episode
     that is shown), ``scores.png``, ``episode.png``, ``animation.gif`` and, with a training,
-    ``learning_curve.png``; and the machine's own pictures.
+    ``learning_curve.png``; and the machine's own pictures. With `trajectories`, ``"csv"`` or
+    ``"parquet"``, every step of every episode too.
     """
     began = time.perf_counter()
     seeds = checks.seeds(seeds)
     kwargs = dict(env_kwargs or {})
     evaluations = tuple(
-        evaluate(e.policy, env_id, seeds, env_kwargs=kwargs, name=e.name) for e in entrants
+        evaluate(
+            e.policy,
+            env_id,
+            seeds,
+            env_kwargs=kwargs,
+            trajectories=trajectories is not None,
+            **e.how(),
+        )
+        for e in entrants
     )
     records = tuple(
         record(
@@ -69,13 +89,15 @@ def compare(
             env_id,
             seeds[0],
             env_kwargs=kwargs,
-            name=e.name,
             frame_rate=FRAME_RATE,
             max_seconds=MAX_SECONDS,
+            **e.how(),
         )
         for e in entrants
     )
     _write_scores(run, evaluations)
+    if trajectories is not None:
+        write_trajectories(run.file(f"trajectories.{trajectories}"), evaluations)
     _write_episode(run, records)
     plots.distributions(run.file("scores.png"), evaluations)
     plots.episodes(run.file("episode.png"), records)
@@ -101,7 +123,9 @@ def _draw_learning(
     from rodgym.training.trainer import VALIDATION_SEEDS
 
     levels = {
-        e.name: evaluate(e.policy, env_id, VALIDATION_SEEDS, env_kwargs=kwargs).mean("return")
+        e.name: evaluate(e.policy, env_id, VALIDATION_SEEDS, env_kwargs=kwargs, **e.how()).mean(
+            "return"
+        )
         for e in entrants[1:]
     }
     plots.learning_curve(
@@ -115,9 +139,8 @@ def _draw_learning(
 
 
 def _write_scores(run: Run, evaluations: Sequence[Evaluation]) -> None:
-    header = ["policy", "seed", *(c.name for c in evaluations[0].described)]
     rows = [row for evaluation in evaluations for row in evaluation.rows()]
-    write_csv(run.file("scores.csv"), header, rows)
+    write_csv(run.file("scores.csv"), evaluations[0].header, rows)
 
 
 def _write_episode(run: Run, records: Sequence[Record]) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 
 from rodgym import machines
 from rodgym.evaluation import Column, Evaluation
-from rodgym.evaluation.table import cell
+from rodgym.evaluation.table import cell, notes, shows_designs
 from rodgym.report import html
 from rodgym.report.comparison import Comparison
 from rodgym.report.style import COLOURS
@@ -33,6 +33,8 @@ def write_page(run: Run, comparison: Comparison) -> Path:
         seeds=evaluations[0].seeds,
         columns=evaluations[0].described,
         rows=_rows(evaluations),
+        designs=shows_designs(evaluations),
+        notes=notes(evaluations),
         training=comparison.training,
         how=_how(run, comparison),
         files=sorted(path.name for path in run.path.iterdir() if path.is_file()),
@@ -65,6 +67,7 @@ def _rows(evaluations: Sequence[Evaluation]) -> list[dict[str, Any]]:
     return [
         {
             "policy": evaluation.policy,
+            "design": evaluation.design or "-",
             "colour": COLOURS[i % len(COLOURS)],
             "cells": [shown(column, evaluation.mean(column.name)) for column in described],
         }

@@ -15,7 +15,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from rodgym.study.case import Row, policy_file, run_case
+from rodgym.study.case import Row, policy_files, run_case
 from rodgym.study.spec import Case, Study, StudyError, case_id
 
 Rows = Generator[tuple[int, Row], None, None]
@@ -66,7 +66,7 @@ def run_study(
         PolicyError: a policy that is neither a name nor a file.
     """
     cases = list(study.cases())
-    files = {policy: policy_file(policy) for policy in dict.fromkeys(c["policy"] for c in cases)}
+    files = {policy: policy_files(policy) for policy in dict.fromkeys(c["policy"] for c in cases)}
     ids = [case_id(case, files[case["policy"]]) for case in cases]
     if len(set(ids)) < len(ids):
         raise StudyError("a value is swept twice: two cases are the same")

@@ -6,9 +6,20 @@ With --policy nothing is trained: the given policies are compared.
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from rodgym.cli.arguments import UsageError, add_env, add_run, add_seeds, env_keywords
+from rodgym.cli.arguments import (
+    UsageError,
+    add_designs,
+    add_env,
+    add_normalize,
+    add_run,
+    add_seeds,
+    add_trajectories,
+    designs,
+    env_keywords,
+)
 from rodgym.cli.commands.train import add_training
 
 if TYPE_CHECKING:
@@ -41,9 +52,12 @@ def add_arguments(parser: argparse.ArgumentParser, **run: str) -> None:
         type=some_names,
         metavar="FILE,...",
         help="policies to compare instead of training one: files, 'zoo' for the one that comes "
-        "with rodgym, or controllers",
+        "with rodgym, controllers, or classes of yours: mine.py:Class",
     )
+    add_designs(parser)
+    add_normalize(parser)
     add_seeds(parser)
+    add_trajectories(parser)
     add_training(parser)
     add_run(parser, **run)
 
@@ -66,57 +80,62 @@ def given(value: object) -> bool:
 
 
 #: Arguments that concern a training.
-TRAINING = ("algorithm", "steps", "seed", "recipe", "changes", "force")
+TRAINING = ("algorithm", "steps", "seed", "recipe", "changes")
 
 
 def run(args: argparse.Namespace) -> int:
-    import gymnasium as gym
-
     from rodgym import machines
-    from rodgym.cli.needs import REPORT, need, of_env, of_policy
+    from rodgym.cli.entrants import new_run, rows_of
+    from rodgym.cli.needs import REPORT, need, of_data, of_env, of_policy
     from rodgym.cli.needs import TRAINING as TRAINS
-    from rodgym.evaluation import load_policy
-    from rodgym.runs import Run, default_name
+    from rodgym.evaluation.conditions import make_batch
+    from rodgym.evaluation.policies import ready
+    from rodgym.runs import default_name
 
     asked = [name for name in TRAINING if given(getattr(args, name))]
     if args.policy and asked:
         named = ", ".join("--set" if name == "changes" else f"--{name}" for name in asked)
         raise UsageError(f"{named}: nothing is trained where --policy is given")
     policies = of_policy(*args.policy) if args.policy else TRAINS
-    need(*policies, *REPORT, *of_env(args.env))
-    folder = Run(args.name or default_name("compare", args.env), args.runs)
-    if not (args.policy or args.force):
-        folder.keep_policy()
-    # A wrong name is said now, not after minutes of training.
-    env = gym.make_vec(args.env, num_envs=1, **env_keywords(args.env, args.env_arg))
-    spec = machines.spec_of(env)
-    usual = machines.of(spec).controllers(spec)
-    controllers = list(usual) if args.controller is None else args.controller
-    if not controllers and not args.policy:
+    need(*policies, *REPORT, *of_env(args.env), *of_data(args.trajectories, None))
+    from rodgym.report import Entrant  # It draws, so that it needs what was asked for above.
+
+    keywords = env_keywords(args.env, args.env_arg)
+    env = make_batch(args.env, 1, keywords)
+    try:
+        spec = machines.spec_of(env)
+        usual = machines.of(spec).controllers(spec)
+        controllers = list(usual) if args.controller is None else args.controller
+        if not controllers and not args.policy:
+            raise UsageError("nothing to compare: give --controller or --policy")
+        rows = [
+            row
+            for source in [*(args.policy or []), *controllers]
+            for row in rows_of(source, spec, designs(args.design))
+        ]
+        # A wrong name is said now, not after minutes of training.
+        entrants = []
+        for row in rows:
+            statistics = None if row.design else args.normalize
+            ready(row.policy, env, args.env, row.design, statistics)
+            entrants.append(Entrant(row.name, row.policy, row.design, statistics))
+    finally:
         env.close()
-        raise UsageError("nothing to compare: give --controller or --policy")
-    for name in [*controllers, *(args.policy or [])]:
-        load_policy(name, env)
-    env.close()
-    if args.policy:
-        folder.folder()
-    return report(args, controllers, folder)
+    folder = new_run(args.name or default_name("compare", args.env), args.runs, args.force)
+    folder.folder()
+    return report(args, entrants, folder)
 
 
-def report(args: argparse.Namespace, controllers: list[str], folder: Run) -> int:
+def report(args: argparse.Namespace, entrants: list[Entrant], folder: Run) -> int:
     """The work of ``compare`` and ``demo``."""
     from rodgym.cli.commands.train import train
-    from rodgym.cli.entrants import title
     from rodgym.evaluation import comparison_table
     from rodgym.report import Entrant, compare, write_page
 
     training = None
-    if args.policy:
-        entrants = [Entrant(title(source), source) for source in args.policy]
-    else:
+    if not args.policy:
         training = train(args, folder)
-        entrants = [Entrant(training.recipe.algorithm, str(training.policy))]
-    entrants += [Entrant(title(source), source) for source in controllers]
+        entrants = [Entrant(training.recipe.algorithm, str(training.policy)), *entrants]
     print("evaluating and drawing ...", flush=True)
     comparison = compare(
         unique(entrants),
@@ -125,8 +144,14 @@ def report(args: argparse.Namespace, controllers: list[str], folder: Run) -> int
         seeds=args.seeds,
         env_kwargs=dict(args.env_arg),
         training=training,
+        trajectories=args.trajectories,
     )
-    folder.facts |= {"env": args.env, "env_kwargs": dict(args.env_arg), "seeds": str(args.seeds)}
+    folder.facts |= {
+        "env": args.env,
+        "env_kwargs": dict(args.env_arg),
+        "seeds": str(args.seeds),
+        "designs": {e.policy: e.design for e in comparison.evaluations},
+    }
     if training is not None:
         folder.facts |= {
             "training_seed": training.seed,
@@ -144,13 +169,11 @@ def report(args: argparse.Namespace, controllers: list[str], folder: Run) -> int
 
 def unique(entrants: list[Entrant]) -> list[Entrant]:
     """Numbers entrants of one name, so that tables can tell them apart."""
-    from rodgym.report import Entrant
-
     count: dict[str, int] = {}
     result = []
     for entrant in entrants:
         count[entrant.name] = count.get(entrant.name, 0) + 1
         number = count[entrant.name]
         name = entrant.name if number == 1 else f"{entrant.name} {number}"
-        result.append(Entrant(name, entrant.policy))
+        result.append(replace(entrant, name=name))
     return result

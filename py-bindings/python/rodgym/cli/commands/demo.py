@@ -22,7 +22,5 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    if args.name is None:
-        # The tour's own folder: the tour may be taken again.
-        args.name, args.force = "demo", not args.policy
+    args.name = args.name or "demo"
     return compare.run(args)

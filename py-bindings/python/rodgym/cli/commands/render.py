@@ -5,7 +5,16 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from rodgym.cli.arguments import DEFAULT_ENV, UsageError, add_env, at_most, seed
+from rodgym.cli.arguments import (
+    DEFAULT_ENV,
+    UsageError,
+    add_designs,
+    add_env,
+    add_normalize,
+    at_most,
+    designs,
+    seed,
+)
 
 SUMMARY = "draw an episode as a GIF, a strip of stills, or in a window"
 EXAMPLES = """
@@ -23,6 +32,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("out", nargs="?", type=Path, help="file to write: .gif or .png")
     add_env(parser, default=None)
+    add_designs(parser)
+    add_normalize(parser)
     parser.add_argument(
         "--seed", type=seed, default=0, metavar="N", help="seed of the episode (default 0)"
     )
@@ -51,8 +62,20 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"cannot write {args.out}: it is a folder")
     env_id, env_kwargs = resolve_env(args.policy, args.env, dict(args.env_arg), DEFAULT_ENV)
     need("pygame" if args.show else "PIL", *of_policy(args.policy), *of_env(env_id))
+    asked = designs(args.design)
+    if len(asked) > 1:
+        raise UsageError("--design: one episode has one design")
+    design = asked[0] if asked else None
     if args.show:
-        record(args.policy, env_id, args.seed, env_kwargs={**env_kwargs, "render_mode": "human"})
+        shown = {**env_kwargs, "render_mode": "human"}
+        record(
+            args.policy,
+            env_id,
+            args.seed,
+            env_kwargs=shown,
+            design=design,
+            normalize=args.normalize,
+        )
         return 0
     from rodgym.report import animation
 
@@ -62,6 +85,8 @@ def run(args: argparse.Namespace) -> int:
         args.seed,
         env_kwargs=env_kwargs,
         name=title(args.policy),
+        design=design,
+        normalize=args.normalize,
         frame_rate=25.0,
     )
     if args.out.suffix == ".gif":
