@@ -1,4 +1,4 @@
-//! The state of a pendulum as one vector, and derivatives of its steps by that, by torque or action, and by parameters.
+//! Derivatives of a pendulum's steps by its state vector, by torque or action, and by parameters.
 //!
 //! Directions go in groups of eight: each group is the same pendulum in dual numbers. What happens once a step (a rod
 //! from its parameters, torques from an action, what sensors and tasks make of it) they go through as any number does;
@@ -7,78 +7,18 @@
 use super::config::{Config, PARAMETERS, at, uniform};
 use super::plant::Plant;
 use super::sim::BarePendulum;
+use super::vector::{check_size, empty, set_vector, size, vector};
 use crate::batch::{Differentiated, Gradient};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::given::place;
 use crate::lane::{DIRECTIONS, Dual, Lanewise, Real};
-use crate::rod::{Motion, Rod};
+use crate::rod::Rod;
 use crate::simulation::{Named, Simulation};
-use crate::solver::{Carried, Integrator, Past, Phase, Scheme, Tape, carry, pull_back};
-use crate::vec2::Vec2;
+use crate::solver::{Carried, Integrator, Phase, Tape, carry, pull_back};
 use crate::watch::Watch;
 
 /// Physics steps that a tape of the bare pendulum holds at once.
 const TAPE: usize = 64;
-
-/// Numbers of the state of a rod of `nodes` nodes.
-pub fn size(scheme: Scheme, nodes: usize) -> usize {
-    let node =
-        4 + 2 * usize::from(scheme.carries_acceleration()) + 4 * usize::from(scheme.looks_back());
-    node * (nodes - 1) + usize::from(scheme.looks_back())
-}
-
-/// All that the next step depends on: positions, velocities; of schemes that carry it the acceleration without what the
-/// base torque does; of one that looks back positions and velocities a step before, and 1 where these are known, else 0.
-/// (x, y) a node, without the first. What Newton's method guesses from is no part of it.
-pub fn vector<R: Real>(scheme: Scheme, motion: &Motion<R>, past: &Past<R, Motion<R>>) -> Vec<R> {
-    let mut all = Vec::with_capacity(size(scheme, motion.x.len()));
-    let mut add = |list: &[Vec2<R>]| all.extend(list[1..].iter().flat_map(|p| [p.x, p.y]));
-    add(&motion.x);
-    add(&motion.v);
-    if scheme.carries_acceleration() {
-        let mut free = motion.a.clone();
-        free[1] = free[1] - free[0];
-        add(&free);
-    }
-    if scheme.looks_back() {
-        add(&past.before.x);
-        add(&past.before.v);
-        all.push(past.known);
-    }
-    all
-}
-
-/// Puts such numbers in place, as many as `size` says.
-pub fn set_vector<R: Real>(
-    scheme: Scheme,
-    from: &[R],
-    motion: &mut Motion<R>,
-    past: &mut Past<R, Motion<R>>,
-) {
-    let mut rest = from.iter();
-    let mut take = |list: &mut [Vec2<R>]| {
-        list[0] = Vec2::zero();
-        for (to, (x, y)) in
-            list[1..].iter_mut().zip(std::iter::from_fn(|| rest.next().zip(rest.next())))
-        {
-            *to = Vec2::new(*x, *y);
-        }
-    };
-    take(&mut motion.x);
-    take(&mut motion.v);
-    motion.a.fill(Vec2::zero());
-    if scheme.carries_acceleration() {
-        take(&mut motion.a);
-    }
-    motion.a_before.copy_from_slice(&motion.a);
-    if scheme.looks_back() {
-        take(&mut past.before.x);
-        take(&mut past.before.v);
-        past.before.a.fill(Vec2::zero());
-        past.before.a_before.fill(Vec2::zero());
-        past.known = from[from.len() - 1];
-    }
-}
 
 /// The numbers `values`, of which the direction `first + i` is that of the i-th, as a group of directions has them.
 fn seeded(values: &[f64], first: usize, group: usize) -> Vec<Dual> {
@@ -103,40 +43,6 @@ fn seeded_parameters(values: &[f64], chosen: &[usize], first: usize, group: usiz
 }
 
 impl BarePendulum {
-    /// See `vector`.
-    pub fn state_vector(&self) -> Vec<f64> {
-        vector(self.config.scheme, &self.motion, &self.integrator.past)
-    }
-
-    /// Sets the whole state; the time goes back to 0.
-    ///
-    /// # Errors
-    /// Not as many numbers as the state has, or none that it can have; nothing changes then.
-    pub fn set_state_vector(&mut self, from: &[f64]) -> Result<()> {
-        let scheme = self.config.scheme;
-        let wanted = size(scheme, self.nodes());
-        check_size("x", from, wanted)?;
-        if let Some(bad) = from.iter().find(|x| !x.is_finite()) {
-            return Err(Error::parameter("x", bad, "finite numbers"));
-        }
-        let mut before = [0.0, 0.0];
-        for place in from[..2 * (self.nodes() - 1)].as_chunks::<2>().0 {
-            if *place == before {
-                let allowed =
-                    "distinct for neighbouring nodes, the first of which is at the origin";
-                return Err(Error::parameter("x", format!("{place:?}"), allowed));
-            }
-            before = *place;
-        }
-        if scheme.looks_back() && ![0.0, 1.0].contains(&from[wanted - 1]) {
-            let allowed = "0 or 1 as its last number, which says whether the step before is known";
-            return Err(Error::parameter("x", from[wanted - 1], allowed));
-        }
-        set_vector(scheme, from, &mut self.motion, &mut self.integrator.past);
-        self.steps = 0;
-        Ok(())
-    }
-
     /// What the next `n` physics steps under a constant torque \[N m\] would be.
     ///
     /// # Errors
@@ -280,25 +186,10 @@ fn materials(nodes: usize, values: &[f64], chosen: &[usize]) -> Vec<Rod<Dual>> {
     (0..chosen.len().div_ceil(DIRECTIONS)).map(group).collect()
 }
 
-/// Memory for the numbers of a state.
-fn empty<R: Real>(scheme: Scheme, nodes: usize) -> (Motion<R>, Past<R, Motion<R>>) {
-    let memory = |kept| if kept { Motion::new(nodes) } else { Motion::default() };
-    (Motion::new(nodes), Past::new(scheme, memory))
-}
-
 /// Places of the bare pendulum's parameters of these names.
 fn chosen(names: &[String]) -> Result<Vec<usize>> {
     let known: Vec<_> = PARAMETERS[..at::TORQUE_LIMIT].iter().map(|row| row.name).collect();
     names.iter().map(|name| place(name, &known)).collect()
-}
-
-/// Refuses a vector of another length.
-fn check_size(name: &str, given: &[f64], wanted: usize) -> Result<()> {
-    if given.len() == wanted {
-        return Ok(());
-    }
-    let (got, expected) = (format!("({},)", given.len()), format!("({wanted},)"));
-    Err(Error::Shape { name: name.into(), got, expected })
 }
 
 /// How many of the torques that were asked for the next control step still needs.

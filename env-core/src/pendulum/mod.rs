@@ -8,6 +8,7 @@ mod plant;
 mod sensors;
 mod sim;
 pub mod tasks;
+mod vector;
 
 pub use config::{Config, PARAMETERS, Sensors, Setup};
 pub use linear::Linear;

@@ -207,24 +207,26 @@ impl<'a, R: Real> Pull<'a, R> {
         let Motion { x, v, a, .. } = &mut *self.state;
         let [x0, v0] = &mut self.origin;
         for i in 1..nodes {
-            v[i] += a[i].scale(rate);
-            v0[i] = -a[i].scale(rate);
-            x[i] += v[i].scale(rate);
-            x0[i] = -v[i].scale(rate);
+            v[i] += x[i].scale(stage.h);
+            a[i] += v[i].scale(stage.h);
         }
         let (mut descent, mut ascent) = (Descent::default(), Ascent::default());
         for i in 1..nodes {
-            self.force[i] = descent.pass(&linear.hooks[i - 1], x[i]);
+            self.force[i] = descent.pass(&linear.eliminated[i - 1], a[i].scale(rate * rate));
         }
         for i in (1..nodes).rev() {
-            self.force[i] = ascent.pass(&linear.hooks[i - 1].right, self.force[i]);
+            self.force[i] = ascent.pass(&linear.eliminated[i - 1].right, self.force[i]);
         }
         self.work.fill(Vec2::zero());
+        multiply(&linear.hooks, &self.force[1..], &mut self.work[1..]);
+        for i in 1..nodes {
+            x0[i] = x[i] - self.work[i];
+            v0[i] = v[i] - self.work[i].scale(stage.h);
+            self.work[i] = Vec2::zero();
+        }
         linear.damp(&self.force, &mut self.work);
         for i in 1..nodes {
-            let mass = linear.rod.mass[i];
-            x0[i] += self.work[i].scale(rate) + self.force[i].scale(mass * rate * rate);
-            v0[i] += self.force[i].scale(mass * rate);
+            x0[i] += self.work[i].scale(rate);
             let a = linear.force[i].scale(linear.rod.inverse_mass[i]);
             for (material, sum) in &mut self.materials {
                 *sum -= material.mass[i] * R::splat(a.dot(self.force[i]));

@@ -11,13 +11,18 @@ pub(super) struct Linear<R> {
     pub rod: Rod<f64>,
     rods: Rod<R>,
     transposed: bool,
+    /// Whether these are moments of an implicit scheme.
+    implicit: bool,
     x: Vec<Vec2<R>>,
     v: Vec<Vec2<R>>,
     hooks_in_lanes: Vec<Hook<R>>,
+    eliminated_in_lanes: Vec<Hook<R>>,
     force_in_lanes: Vec<Vec2<R>>,
     turns_in_lanes: Vec<Vec2<R>>,
-    /// Of every node but the first: of a Verlet step `-d(forces)/dx`; of a stage its matrix, eliminated. Transposed for the way back.
+    /// Of every node but the first `-d(forces)/dx`, of a stage with `-rate d(forces)/dv`. Transposed for the way back.
     pub hooks: Vec<Hook<f64>>,
+    /// Of a stage the same with the inertia, eliminated.
+    pub eliminated: Vec<Hook<f64>>,
     /// Forces, with the torque's \[N\].
     pub force: Vec<Vec2<f64>>,
     /// Gradient of every edge's angle with its end \[1/m\].
@@ -33,12 +38,15 @@ impl<R: Real> Linear<R> {
             rod: rod.clone(),
             rods,
             transposed,
+            implicit: false,
             x: vec![Vec2::zero(); nodes],
             v: vec![Vec2::zero(); nodes],
             hooks_in_lanes: vec![Hook::default(); nodes - 1],
+            eliminated_in_lanes: vec![Hook::default(); nodes - 1],
             force_in_lanes: vec![Vec2::zero(); nodes],
             turns_in_lanes: vec![Vec2::zero(); nodes - 1],
             hooks: vec![Hook::default(); nodes - 1],
+            eliminated: vec![Hook::default(); nodes - 1],
             force: vec![Vec2::zero(); nodes],
             turns: vec![Vec2::zero(); nodes - 1],
         }
@@ -49,7 +57,6 @@ impl<R: Real> Linear<R> {
     pub fn look(&mut self, tape: &Tape, first: usize, torque: f64) {
         let last = tape.moves().len() - 1;
         let mut rate = R::zero();
-        let mut implicit = false;
         for lane in 0..R::LANES {
             let at = last.min(first + lane);
             let (x, v) = tape.moment(at);
@@ -58,7 +65,7 @@ impl<R: Real> Linear<R> {
                 self.v[i].set_lane(lane, &v[i]);
             }
             if let Move::Stage { stage, .. } = &tape.moves()[at] {
-                implicit = true;
+                self.implicit = true;
                 rate.set(lane, stage.rate);
             }
         }
@@ -71,13 +78,13 @@ impl<R: Real> Linear<R> {
             if self.transposed {
                 hook = hook.transposed();
             }
-            if implicit {
+            self.hooks_in_lanes[i - 1] = hook;
+            if self.implicit {
                 let inertia = self.rods.mass[i] * rate * rate;
                 hook.diagonal[0][0] += inertia;
                 hook.diagonal[1][1] += inertia;
-                hook = front.eliminate(&hook);
+                self.eliminated_in_lanes[i - 1] = front.eliminate(&hook);
             }
-            self.hooks_in_lanes[i - 1] = hook;
             let e = self.x[i] - self.x[i - 1];
             self.turns_in_lanes[i - 1] = e.perp().scale(R::one() / e.dot(e));
         }
@@ -88,6 +95,9 @@ impl<R: Real> Linear<R> {
     pub fn pick(&mut self, lane: usize) {
         for i in 1..self.rods.nodes() {
             self.hooks_in_lanes[i - 1].read_lane(lane, &mut self.hooks[i - 1]);
+            if self.implicit {
+                self.eliminated_in_lanes[i - 1].read_lane(lane, &mut self.eliminated[i - 1]);
+            }
             self.force_in_lanes[i].read_lane(lane, &mut self.force[i]);
             self.turns_in_lanes[i - 1].read_lane(lane, &mut self.turns[i - 1]);
         }

@@ -45,12 +45,6 @@ pub struct Carried<'a> {
 /// # Errors
 /// See `Isa::current`.
 pub fn carry(rod: &Rod<f64>, phases: &[Phase], carried: &mut [Carried<'_>]) -> Result<()> {
-    carry_by(Isa::current()?, rod, phases, carried);
-    Ok(())
-}
-
-/// The same with a given instruction set.
-pub(super) fn carry_by(isa: Isa, rod: &Rod<f64>, phases: &[Phase], carried: &mut [Carried<'_>]) {
     struct Work<'a, 'b>(Isa, &'a Rod<f64>, &'a [Phase], &'a mut [Carried<'b>]);
     impl ForLanes for Work<'_, '_> {
         type Output = ();
@@ -70,7 +64,9 @@ pub(super) fn carry_by(isa: Isa, rod: &Rod<f64>, phases: &[Phase], carried: &mut
             }
         }
     }
+    let isa = Isa::current()?;
     with_lanes(isa, Work(isa, rod, phases, carried));
+    Ok(())
 }
 
 /// A phase of all flows.
@@ -255,13 +251,16 @@ impl<R: Real> Flow<R> {
             self.before[0].copy_from_slice(&self.start[0]);
             self.before[1].copy_from_slice(&self.start[1]);
         }
+        // Solved for the acceleration, by which a motion without it lacks forces: nothing cancels so. Forces of that
+        // motion are those at its end, with its velocity at the start.
+        let h = R::splat(stage.h);
         self.work.fill(Vec2::zero());
         linear.damp(&self.origin[0], &mut self.work);
         for i in 1..nodes {
-            let inertia = R::splat(linear.rod.mass[i]) * rate;
-            let start = self.origin[0][i].scale(rate) + self.origin[1][i];
-            self.work[i] = -(self.work[i].scale(rate) + start.scale(inertia));
+            self.work[i] = self.work[i].scale(-rate);
+            self.x[i] = self.origin[0][i] + self.origin[1][i].scale(h);
         }
+        multiply(&linear.hooks, &self.x[1..], &mut self.work[1..]);
         self.complete_forces(linear, moment);
         if let Some(material) = &self.material {
             for i in 1..nodes {
@@ -271,13 +270,14 @@ impl<R: Real> Flow<R> {
         }
         let (mut descent, mut ascent) = (Descent::default(), Ascent::default());
         for i in 1..nodes {
-            self.work[i] = descent.pass(&linear.hooks[i - 1].splat(), self.work[i]);
+            self.work[i] = descent.pass(&linear.eliminated[i - 1].splat(), self.work[i]);
         }
         for i in (1..nodes).rev() {
-            let right = &linear.hooks[i - 1].splat().right;
-            self.x[i] = ascent.pass(right, self.work[i]);
-            self.v[i] = (self.x[i] - self.origin[0][i]).scale(rate);
-            self.a[i] = (self.v[i] - self.origin[1][i]).scale(rate);
+            let right = &linear.eliminated[i - 1].splat().right;
+            let moved = ascent.pass(right, self.work[i]);
+            self.a[i] = moved.scale(rate * rate);
+            self.v[i] = self.origin[1][i] + self.a[i].scale(h);
+            self.x[i] = self.origin[0][i] + self.v[i].scale(h);
         }
         if let Origin::Slopes { from, .. } = stage.origin {
             if !stage.last {
