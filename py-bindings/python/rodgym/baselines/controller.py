@@ -86,6 +86,13 @@ class Controller:
         """Physical parameters that it was designed for, by keyword."""
         return {name: self.config[name] for name in self._physical}
 
+    @property
+    def parameters(self) -> dict[str, float]:
+        """What the design settled on, by name; of a gait `amplitude` (of the action), `frequency`
+        [Hz] and `found_return` (mean of the search).
+        """
+        return self._native.parameters
+
     def fits(self, env: Any) -> None:
         """Refuses an environment that shows or takes other numbers than those of the design.
 
@@ -230,11 +237,6 @@ class Gait(Controller):
             known = ", ".join(repr(name) for name in laws)
             raise refused("waveform", waveform, f"one of {known}")
         return laws[waveform](describe(env))
-
-    @property
-    def parameters(self) -> dict[str, float]:
-        """`amplitude` (of the action), `frequency` [Hz], `found_return` (mean of the search)."""
-        return self._native.parameters
 
 
 class SineGait(Gait):
