@@ -490,6 +490,24 @@ def test_a_study_gives_the_numbers_of_an_evaluation():
     )
 
 
+def test_a_study_of_a_normalised_policy_takes_its_statistics_along():
+    from rodgym.study.case import policy_files, run_case
+    from rodgym.study.spec import case_id
+
+    venv = VecNormalize(make_vec_env(ENV, 4, 0))
+    learn(venv).save("plain.zip")
+    venv.save("vecnormalize.pkl")
+    case = {"env": ENV, "seeds": 4, "policy": "plain.zip"}
+    assert run_case(case)["return"] == pytest.approx(
+        evaluate("plain.zip", ENV, range(4)).mean("return"), rel=1e-9
+    )
+    files = policy_files("plain.zip")
+    assert [file.name for file in files] == ["plain.zip", "vecnormalize.pkl"]
+    before = case_id(case, files)
+    Path("vecnormalize.pkl").write_bytes(b"others")
+    assert case_id(case, files) != before
+
+
 def test_results_are_written_where_a_text_says(tmp_path):
     result = evaluate("zero", ENV, range(2))
     result.write_csv("name.csv")

@@ -70,6 +70,7 @@ def run(args: argparse.Namespace) -> int:
     from rodgym.cli.entrants import resolve_env, title
     from rodgym.cli.needs import need, of_env, of_policy
     from rodgym.evaluation import record
+    from rodgym.evaluation.design import NOMINAL
 
     if args.show == (args.out is not None):
         raise UsageError("give a file to write, or --show for a window")
@@ -123,7 +124,11 @@ def run(args: argparse.Namespace) -> int:
             else animation.moments(episode, args.stills)
         )
         animation.strip(episode, chosen).save(args.out)
-    print(f"{args.out}: {episode.time[-1]:.1f} s of {env_id}, return {episode.rewards.sum():.1f}")
+    made_for = f" ({episode.design})" if episode.design not in ("", NOMINAL) else ""
+    print(
+        f"{args.out}: {episode.time[-1]:.1f} s of {env_id}, return {episode.rewards.sum():.1f}"
+        f"{made_for}"
+    )
     return 0
 
 
