@@ -14,10 +14,12 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "render": ("pygame", "PIL", "imageio_ffmpeg"),
     "report": ("matplotlib", "jinja2", "PIL", "imageio_ffmpeg", "yaml"),
     "remote": ("zmq", "msgpack"),
+    "export": ("onnx", "onnxruntime"),
     "data": ("pyarrow", "minari", "h5py"),
     "ray": ("ray", "yaml", "matplotlib"),
+    "tune": ("optuna", "stable_baselines3", "yaml"),
     "train": (
-        "stable_baselines3", "tensorboard", "torch", "rich", "tqdm",
+        "stable_baselines3", "sb3_contrib", "tensorboard", "torch", "rich", "tqdm",
         "matplotlib", "jinja2", "PIL", "imageio_ffmpeg", "yaml",
     ),
 }  # fmt: skip

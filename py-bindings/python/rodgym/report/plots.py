@@ -62,13 +62,14 @@ def learning_curve(
         axes.set_xlabel("environment steps")
         axes.set_ylabel("return of an episode")
         axes.set_xlim(0, max(steps[-1], 1))
-        axes.xaxis.set_major_formatter(FuncFormatter(_thousands))
+        axes.xaxis.set_major_formatter(FuncFormatter(thousands))
         _wall_time_axis(axes, steps, column["seconds"])
         figure.savefig(path)
         plt.close(figure)
 
 
-def _thousands(value: float, _position: int = 0) -> str:
+def thousands(value: float, _position: int = 0) -> str:
+    """A number of steps in few letters."""
     return f"{value / 1e6:g} M" if value >= 1e6 else f"{value / 1e3:g} k" if value else "0"
 
 
