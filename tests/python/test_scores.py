@@ -12,7 +12,7 @@ import pytest
 import rodgym
 from gymnasium.wrappers import NormalizeObservation, RescaleAction, RescaleObservation
 from rodgym.baselines import Gait, Lqr
-from rodgym.errors import ParameterError
+from rodgym.errors import ParameterError, UnknownEnvError
 from rodgym.evaluation import PolicyError, evaluate, load_policy, record
 
 stable_baselines3 = pytest.importorskip("stable_baselines3")
@@ -335,6 +335,13 @@ def test_an_environment_of_ones_own_is_scored_by_its_own_reward(mine, capsys):
     with pytest.raises(SystemExit):
         main(["evaluate", "lqr", "--env", f"{mine}.py:Mine/Other-v0"])
     assert "registers no environment 'Mine/Other-v0'" in capsys.readouterr().err
+
+
+def test_an_environment_that_nobody_registered_is_named():
+    for play in (lambda env: evaluate("zero", env, range(1)), lambda env: record("zero", env)):
+        for env in ("Mine/Nowhere-v0", "rodgym/PendulumSwingUp-v7"):
+            with pytest.raises(UnknownEnvError, match=f"no environment '{env}'"):
+                play(env)
 
 
 def test_what_an_own_environment_does_to_the_numbers_is_noticed(mine):

@@ -94,6 +94,8 @@ def _found(name: str, spec: str) -> Controller:
 def design_of(controller: Controller, spec: Mapping[str, Any]) -> str:
     """What a controller that is there was designed for, seen from an environment."""
     mine, here = controller.config, spec["config"]
+    if controller.plays and mine.get("randomize"):
+        return DRAWN
     names = [parameter["name"] for parameter in spec["parameters"]]
     changed = {k: mine[k] for k in names if k in mine and mine[k] != here.get(k)}
     return design_text(changed) if changed else NOMINAL

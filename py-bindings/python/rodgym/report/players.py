@@ -58,26 +58,26 @@ def describe(entrant: Any, env: Any, env_id: str) -> Player:
     while hasattr(model, "policy") and not hasattr(model, "get_env"):
         behind.append(type(model).__name__.lower())
         model = model.policy
-    if not hasattr(model, "get_env"):
-        return Player(entrant.name, first_paragraph(type(model)), {}, {})
     return trained(entrant, model, behind, card_of(entrant.policy, env))
 
 
 def trained(entrant: Any, model: Any, behind: list[str], card: Mapping[str, Any]) -> Player:
-    """A model of Stable-Baselines3: where it comes from, and how it was trained."""
+    """A trained policy, or one of somebody's own: where it comes from, and how it was trained."""
     facts = {}
     if "env" in card:
         keywords = card.get("env_kwargs") or {}
         facts["trained in"] = " ".join([card["env"], *([words(keywords)] if keywords else [])])
     for key, what in (("steps", "steps"), ("best_steps", "kept at step"), ("seed", "seed")):
         if key in card:
-            facts[what] = f"{card[key]:,}" if key != "seed" else str(card[key])
+            facts[what] = str(card[key]) if key == "seed" else f"{card[key]:,}"
     if behind:
         facts["sees"] = f"observations {' and '.join(behind)}"
     if card.get("versions"):
         facts["trained with"] = ", ".join(f"{k} {v}" for k, v in card["versions"].items())
-    text = f"{type(model).__name__}, {first_paragraph(type(model))}"
-    return Player(entrant.name, text, facts, hyperparameters(model, card.get("recipe") or {}))
+    if not hasattr(model, "get_env"):
+        return Player(entrant.name, first_paragraph(type(model)), facts, {})
+    chosen = hyperparameters(model, card.get("recipe") or {})
+    return Player(entrant.name, first_paragraph(type(model)), facts, chosen)
 
 
 def card_of(source: Any, env: Any) -> dict[str, Any]:

@@ -141,12 +141,18 @@ def moment(path: Path, records: Sequence[Record], seconds: float = 1.0) -> None:
     spec = records[0].spec
     shown = machines.of(spec).traces_of(spec["task"])
     begin = busiest(records, seconds)
+    count = max(1, len(shown))
+    columns = min(count, 2)
+    rows = -(-count // columns)
     with styled():
-        count = max(1, len(shown))
-        figure, grid = plt.subplots(1, count, figsize=(4.2 * count, 3.0), squeeze=False)
+        figure, grid = plt.subplots(
+            rows, columns, figsize=(8.4, 0.4 + 2.6 * rows), squeeze=False, sharex=True
+        )
+        for axes in grid.flat[count:]:
+            axes.set_visible(False)
         for record, colour in zip(records, itertools.cycle(COLOURS)):
             part = (record.time >= begin) & (record.time <= begin + seconds)
-            for axes, trace in zip(grid[0], shown, strict=False):
+            for axes, trace in zip(grid.flat, shown, strict=False):
                 values = trace.factor * record.metrics[trace.metric][part]
                 axes.plot(record.time[part], values, color=colour, label=record.policy)
                 axes.set_ylabel(trace.label)
@@ -155,9 +161,9 @@ def moment(path: Path, records: Sequence[Record], seconds: float = 1.0) -> None:
                     record.time[part], record.actions[part, 0], color=colour, label=record.policy
                 )
                 grid[0, 0].set_ylabel("action")
-        for axes in grid[0]:
+        grid[0, 0].set_xlim(begin, begin + seconds)
+        for axes in grid[-1]:
             axes.set_xlabel("time [s]")
-            axes.set_xlim(begin, begin + seconds)
         handles, labels = grid[0, 0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper left", ncols=len(labels))
         figure.savefig(path)
