@@ -15,6 +15,7 @@ import rodgym.evaluation
 from rodgym.cli import main
 from rodgym.evaluation.policies import Stacked, load_policy, read_card
 from rodgym.evaluation.score import Trajectories, score
+from rodgym.extras import installed
 
 ENV = "rodgym/PendulumSwingUp-v0"
 SMALL = ["--set", "n_envs=8", "--set", "n_steps=32", "--set", "batch_size=64", "--steps", "512"]
@@ -151,10 +152,12 @@ def test_compare_trains_and_leaves_everything_in_the_run_folder(
     files = {path.name for path in folder.iterdir()}
     assert files == {
         "animation.gif",
+        *(["animation.mp4"] if installed("imageio_ffmpeg") else []),
         "episode.csv",
         "episode.png",
         "learning_curve.csv",
         "learning_curve.png",
+        "moment.png",
         "policy.zip",
         "report.html",
         "run.json",
@@ -163,7 +166,7 @@ def test_compare_trains_and_leaves_everything_in_the_run_folder(
     }
     page = (folder / "report.html").read_text()
     # Self-contained: nothing is fetched from anywhere.
-    assert page.count("data:image/") == 4
+    assert page.count("data:image/") == 5
     assert "://" not in page
     assert "Ctrl-C" not in page
     with (folder / "scores.csv").open() as stream:

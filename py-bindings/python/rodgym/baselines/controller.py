@@ -82,9 +82,19 @@ class Controller:
         return self._native.config
 
     @property
-    def design(self) -> dict[str, float]:
-        """Physical parameters that it was designed for, by keyword."""
-        return {name: self.config[name] for name in self._physical}
+    def design(self) -> dict[str, Any]:
+        """Physical parameters that it was designed for, by keyword: values, or the range from which
+        they were drawn when it was found by playing.
+        """
+        values = {name: self.config[name] for name in self._physical}
+        return {**values, **(self.config.get("randomize") or {})} if self.plays else values
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """What the design settled on, by name; of a gait `amplitude` (of the action), `frequency`
+        [Hz] and `found_return` (mean of the search).
+        """
+        return self._native.parameters
 
     def fits(self, env: Any) -> None:
         """Refuses an environment that shows or takes other numbers than those of the design.
@@ -147,12 +157,10 @@ class Controller:
         return (action[0] if array.ndim == 1 else action), memory
 
     def __repr__(self) -> str:
-        drawn = self.config.get("randomize") or {}
-        values = {
-            name: str(drawn[name]) if self.plays and name in drawn else f"{value:g}"
+        made_for = ", ".join(
+            f"{name}={value:g}" if isinstance(value, float) else f"{name}={value}"
             for name, value in self.design.items()
-        }
-        made_for = ", ".join(f"{name}={value}" for name, value in values.items())
+        )
         return f"{type(self).__name__}({made_for})"
 
 
@@ -256,11 +264,6 @@ class Gait(Controller):
             known = ", ".join(repr(name) for name in laws)
             raise refused("waveform", waveform, f"one of {known}")
         return laws[waveform](describe(env))
-
-    @property
-    def parameters(self) -> dict[str, float]:
-        """`amplitude` (of the action), `frequency` [Hz], `found_return` (mean of the search)."""
-        return self._native.parameters
 
 
 class SineGait(Gait):

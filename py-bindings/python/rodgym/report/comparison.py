@@ -10,9 +10,12 @@ from typing import TYPE_CHECKING, Any
 from rodgym import _checks as checks
 from rodgym import machines
 from rodgym.evaluation import Evaluation, Policy, Record, evaluate, record
+from rodgym.evaluation.conditions import make_single
 from rodgym.evaluation.design import Design
 from rodgym.evaluation.trajectories import write_trajectories
+from rodgym.extras import installed
 from rodgym.report import animation, plots
+from rodgym.report.players import Player, describe
 from rodgym.runs import Run, write_csv
 
 if TYPE_CHECKING:
@@ -48,6 +51,7 @@ class Comparison:
     env_kwargs: Mapping[str, Any]
     evaluations: tuple[Evaluation, ...]
     records: tuple[Record, ...]
+    players: tuple[Player, ...]
     training: Training | None
     seconds: float
 
@@ -65,9 +69,10 @@ def compare(
     """Evaluates all on the same seeds, then writes tables, plots and the animation.
 
     Files: ``scores.csv`` (one row per policy and seed), ``episode.csv`` (the steps of the episode
-    that is shown), ``scores.png``, ``episode.png``, ``animation.gif`` and, with a training,
-    ``learning_curve.png``; and the machine's own pictures. With `trajectories`, ``"csv"`` or
-    ``"parquet"``, every step of every episode too.
+    that is shown), ``scores.png``, ``episode.png``, ``moment.png``, ``animation.gif``, where
+    imageio-ffmpeg is installed ``animation.mp4``, with a training ``learning_curve.png``, and the
+    machine's own pictures. With `trajectories`, ``"csv"`` or ``"parquet"``, every step of every
+    episode too.
     """
     began = time.perf_counter()
     seeds = checks.seeds(seeds)
@@ -99,23 +104,31 @@ def compare(
     if trajectories is not None:
         write_trajectories(run.file(f"trajectories.{trajectories}"), evaluations)
     _write_episode(run, records)
+    env = make_single(env_id, kwargs)
+    try:
+        players = tuple(describe(e, env, env_id) for e in entrants)
+    finally:
+        env.close()
     plots.distributions(run.file("scores.png"), evaluations)
     plots.episodes(run.file("episode.png"), records)
+    plots.moment(run.file("moment.png"), records)
     for picture in machines.of(records[0].spec).pictures:
         picture.draw(run.file(picture.file), records, evaluations)
-    animation.write_gif(
-        run.file("animation.gif"), animation.side_by_side(records), records[0].frame_dt
-    )
+    pictures = animation.side_by_side(records)
+    animation.write_gif(run.file("animation.gif"), pictures, records[0].frame_dt)
+    if installed("imageio_ffmpeg"):
+        animation.write_mp4(run.file("animation.mp4"), pictures, records[0].frame_dt)
     if training is not None:
-        _draw_learning(run, training, entrants, env_id, kwargs)
+        _draw_learning(run, training, entrants, evaluations, env_id, kwargs)
     seconds = time.perf_counter() - began
-    return Comparison(env_id, kwargs, evaluations, records, training, seconds)
+    return Comparison(env_id, kwargs, evaluations, records, players, training, seconds)
 
 
 def _draw_learning(
     run: Run,
     training: Training,
     entrants: Sequence[Entrant],
+    evaluations: Sequence[Evaluation],
     env_id: str,
     kwargs: Mapping[str, Any],
 ) -> None:
@@ -128,6 +141,9 @@ def _draw_learning(
         )
         for e in entrants[1:]
     }
+    best = evaluations[0].best_known
+    if best is not None:
+        levels["best known"] = best
     plots.learning_curve(
         run.file("learning_curve.png"),
         training.curve,
