@@ -138,6 +138,10 @@ def test_a_distillation_that_was_cut_off_goes_on_to_the_same_student(
     run = Run("cut", tmp_path)
     cut = distil(ENV, run, recipe=recipe, seed=3, env_kwargs=SHORT, quiet=True)
     assert cut.interrupted and cut.rounds == 1 and cut.policy.is_file()
+    (run.path / "policy.zip").rename(tmp_path / "elsewhere")
+    with pytest.raises(RunError, match="from a distillation that was stopped"):
+        distil(ENV, run, recipe=recipe, seed=3, env_kwargs=SHORT, quiet=True)
+    (tmp_path / "elsewhere").rename(run.path / "policy.zip")
     with pytest.raises(RunError, match="its seed is 3, not 4"):
         distil(ENV, run, recipe=recipe, seed=4, env_kwargs=SHORT, quiet=True, resume=True)
     rest = distil(ENV, run, recipe=recipe, seed=3, env_kwargs=SHORT, quiet=True, resume=True)
