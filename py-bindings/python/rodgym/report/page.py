@@ -30,12 +30,13 @@ def write_page(run: Run, comparison: Comparison) -> Path:
         verdict=about.verdict(evaluations),
         about=about,
         seed=first.seed,
-        seeds=evaluations[0].seeds,
+        seeds=evaluations[-1].seeds,
         columns=evaluations[0].described,
         rows=_rows(evaluations),
         designs=shows_designs(evaluations),
         notes=notes(evaluations),
-        training=comparison.training,
+        trainings=comparison.trainings,
+        statistics=comparison.statistics,
         how=_how(run, comparison),
         files=sorted(path.name for path in run.path.iterdir() if path.is_file()),
     )
@@ -84,7 +85,8 @@ def _how(run: Run, comparison: Comparison) -> dict[str, Any]:
         "machine": run.facts["machine"],
         "versions": ", ".join(f"{k} {v}" for k, v in run.facts["versions"].items()),
     }
-    if comparison.training is not None:
-        how["training seed"] = comparison.training.seed
-        how["recipe"] = json.dumps(comparison.training.recipe.as_dict())
+    if comparison.trainings:
+        seeds = [str(training.seed) for training in comparison.trainings]
+        how["training seed" if len(seeds) == 1 else "training seeds"] = ", ".join(seeds)
+        how["recipe"] = json.dumps(comparison.trainings[0].recipe.as_dict())
     return how
