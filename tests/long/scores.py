@@ -57,8 +57,9 @@ def page(trainings: list[Training], agents: list[Evaluation], lqr: Evaluation, r
     return f"""# Scores
 
 PPO by the recipe of `baselines/zoo/ppo.yml` in `{ENV}`, trained on {len(trainings)} seeds,
-{trainings[0].seed} to {trainings[-1].seed}, which were not used while the recipe was looked for. Every agent
-and the LQR play the seeds 0 to {len(lqr.seeds) - 1}, which were not used for any choice.
+{trainings[0].seed} to {trainings[-1].seed}, none of which was used while the recipe was looked
+for. Every agent and the LQR play the seeds 0 to {len(lqr.seeds) - 1}, which were not used for any
+choice.
 Written by `make scores` on
 {run.facts["date"]} ({run.facts["machine"]}; {versions}).
 

@@ -43,6 +43,7 @@ NOT_TAKEN = {
     "vec_env_class": "the native batch is the vectorised environment",
     "eval_env_kwargs": "validation plays the environment that is learnt in",
     "action_noise": "write noise_type and noise_std",
+    "own_actions": "write vec_env_wrapper: rodgym.training.OwnActions",
 }
 
 
