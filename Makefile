@@ -6,7 +6,7 @@ SHELL := /bin/bash
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
-EXTRAS := train,tune,render,remote,ray,dev
+EXTRAS := train,tune,render,remote,ray,export,dev
 # Extra arguments of the program: make demo ARGS="--steps 100000"
 ARGS ?=
 
@@ -121,6 +121,10 @@ controllers: extension ## long: every claim of the controllers on 100 seeds, wri
 
 scores: extension ## long: trains on several seeds and writes docs/scores.md
 	$(BIN)/python tests/long/scores.py
+
+.PHONY: distil
+distil: extension ## long: ten students of each recipe, writes the table of docs/distillation.md
+	$(BIN)/python tests/long/distil.py
 
 # A terminal sees cargo's progress; elsewhere what the build says is shown when it fails.
 extension: venv

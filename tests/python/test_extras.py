@@ -22,13 +22,18 @@ ALL = sorted({module for modules in EXTRAS.values() for module in modules})
 #: Run with the extra's name and a list of commands: hides what the extra does not bring, then does
 #: one command after the other and prints code, errors and whether a folder was made.
 PROGRAM = """
-import contextlib, importlib.abc, io, json, os, sys
+import contextlib, importlib.abc, importlib.util, io, json, os, sys
 hidden, commands = json.loads(sys.argv[1])
 class Hider(importlib.abc.MetaPathFinder):
     def find_spec(self, name, path=None, target=None):
         if name.partition(".")[0] in hidden:
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 sys.meta_path.insert(0, Hider())
+# Who only asks for a module (torch does, for onnx) is told that there is none.
+real = importlib.util.find_spec
+def find_spec(name, package=None):
+    return None if name.partition(".")[0] in hidden else real(name, package)
+importlib.util.find_spec = find_spec
 from rodgym.cli import main
 results = []
 for words in commands:
@@ -74,6 +79,12 @@ COMMANDS: list[tuple[str, list[str], set[str] | None]] = [
         "train",
         ["train", "--steps", "64", "--set", "n_envs=8", "--set", "n_steps=8", "--set",
          "batch_size=64", *SHORT, "--runs", "train"],
+        {"train"},
+    ),
+    (
+        "distil",
+        ["distil", "--rounds", "1", "--set", "batches=2", "--set", "rods=2", *SHORT, "--runs",
+         "distil"],
         {"train"},
     ),
     ("study", ["study", "plan.yml", "--runs", "study"], {"report", "ray", "train"}),

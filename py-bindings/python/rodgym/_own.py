@@ -13,12 +13,14 @@ from pathlib import Path
 from types import ModuleType
 
 from rodgym.errors import ParameterError
+from rodgym.zoo import is_zoo
 
 
 def is_named(source: str) -> bool:
     """Whether the text is of the form MODULE:NAME."""
     module, colon, name = source.rpartition(":")
-    return bool(colon and module and name) and not Path(source).exists()
+    named = bool(colon and module and name) and not is_zoo(source)
+    return named and not Path(source).exists()
 
 
 def module_of(place: str) -> ModuleType:

@@ -14,6 +14,7 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "render": ("pygame", "PIL"),
     "report": ("matplotlib", "jinja2", "PIL", "yaml"),
     "remote": ("zmq", "msgpack"),
+    "export": ("onnx", "onnxruntime"),
     "data": ("pyarrow", "minari", "h5py"),
     "ray": ("ray", "yaml", "matplotlib"),
     "tune": ("optuna", "stable_baselines3", "yaml"),

@@ -24,9 +24,15 @@ def need(*modules: str) -> None:
 
 
 def of_policy(*sources: str) -> tuple[str, ...]:
-    """What policies need: trained ones are played by Stable-Baselines3."""
-    trained = any(source == "zoo" or Path(source).exists() for source in sources)
-    return ("stable_baselines3",) if trained else ()
+    """What policies need: ONNX files their runtime, other trained ones Stable-Baselines3."""
+    from rodgym.zoo import is_zoo
+
+    trained = [source for source in sources if is_zoo(source) or Path(source).exists()]
+    exported = [source for source in trained if source.endswith(".onnx")]
+    return (
+        *(("onnxruntime",) if exported else ()),
+        *(("stable_baselines3",) if len(trained) > len(exported) else ()),
+    )
 
 
 def of_algorithm(name: str | None) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ from rodgym.evaluation.design import NOMINAL, Design, design_of, designed
 from rodgym.evaluation.origin import Origin
 from rodgym.evaluation.policy import AnyEnv, Policy, PolicyError, Random, Zero, check_policy
 from rodgym.evaluation.saved import CARD, STATISTICS, read_card
-from rodgym.zoo import zoo_policy
+from rodgym.zoo import is_zoo, zoo_policy
 
 __all__ = [
     "CARD",
@@ -39,6 +39,12 @@ __all__ = [
     "ready",
 ]
 
+#: Who reads a policy's file, `module:function` of path, card and environment, by the `kind` that
+#: its card says. A card that says none is of Stable-Baselines3.
+KINDS = {
+    "student": "rodgym.distil.policy:load",
+    "onnx": "rodgym.export.policy:load",
+}
 #: Policies that look at nothing.
 IDLE: dict[str, Callable[[Any], Policy]] = {"random": Random, "zero": Zero}
 
@@ -116,9 +122,18 @@ def _found(source: str | Policy, env: AnyEnv, normalize: Any) -> tuple[Policy, O
         from rodgym.evaluation.trained import prepared
 
         return prepared(source, env, normalize)
-    from rodgym.evaluation.trained import load_trained
+    path = find(source, env)
+    card = read_card(path)
+    if "kind" not in card:
+        from rodgym.evaluation.trained import load_trained
 
-    return load_trained(find(source, env), env, normalize)
+        return load_trained(path, env, normalize)
+    if card["kind"] not in KINDS:
+        known = ", ".join(KINDS)
+        raise PolicyError(f"{path}: kind {card['kind']!r} is not one of {known}")
+    if normalize not in (None, False):
+        raise PolicyError(f"normalize: {path} is a {card['kind']}, which normalises by itself")
+    return machines.load(KINDS[card["kind"]])(path, card, env), Origin.of_card(card)
 
 
 def load_policy(source: str, env: AnyEnv) -> Policy:
@@ -126,9 +141,9 @@ def load_policy(source: str, env: AnyEnv) -> Policy:
 
     Parameters
     ----------
-    source: a controller's name (:func:`controller_names`), ``zoo`` for the trained policy that
-        comes with rodgym, the path of a saved policy (``runs/demo/policy.zip``, also one that
-        Stable-Baselines3 saved alone), or a class of your own (``mine.py:Policy``)
+    source: a controller's name (:func:`controller_names`), ``zoo`` or ``zoo:NAME`` for a trained
+        policy that comes with rodgym, the path of a saved policy (``runs/demo/policy.zip``, also
+        one that Stable-Baselines3 saved alone), or a class of your own (``mine.py:Policy``)
     env: environment that it will play in; a controller designs itself for its nominal parameters
 
     Raises
@@ -143,14 +158,11 @@ def load_policy(source: str, env: AnyEnv) -> Policy:
 
 
 def find(source: str, env: AnyEnv | None = None) -> Path:
-    """The file of a trained policy: ``zoo`` (of `env`), a path, or a run's folder."""
-    if source == "zoo":
-        assert env is not None
-        env_id = machines.spec_of(env)["id"]
-        found = zoo_policy(env_id)
-        if found is None:
-            raise PolicyError(f"no trained policy for {env_id} comes with rodgym")
-        return found
+    """The file of a trained policy: ``zoo`` or ``zoo:NAME`` (of `env`), a path, a run's folder."""
+    if is_zoo(source):
+        if env is None:
+            raise PolicyError(f"policy {source!r} is that of an environment: say which")
+        return of_zoo(source, machines.spec_of(env)["id"])
     path = Path(source)
     if path.is_dir():
         path = path / "policy.zip"
@@ -158,3 +170,18 @@ def find(source: str, env: AnyEnv | None = None) -> Path:
         names = ", ".join(["zoo", *controller_names()])
         raise PolicyError(f"policy {source!r} is neither a file nor one of {names}")
     return path
+
+
+def of_zoo(source: str, env_id: str) -> Path:
+    """The file of a policy that comes with rodgym.
+
+    Raises
+    ------
+    PolicyError: there is none of this name
+    """
+    name = source.partition(":")[2]
+    found = zoo_policy(env_id, name)
+    if found is None:
+        called = f" called {name!r}" if name else ""
+        raise PolicyError(f"no trained policy{called} for {env_id} comes with rodgym")
+    return found

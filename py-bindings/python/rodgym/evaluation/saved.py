@@ -22,17 +22,22 @@ LIBRARIES = ("stable_baselines3", "sb3_contrib")
 def read_card(path: Path) -> dict[str, Any]:
     """What a saved policy says of its training: ``env``, ``env_kwargs``, ``algorithm``, ...
 
-    Of a file that Stable-Baselines3 wrote alone, nothing but the algorithm.
+    Of a file that Stable-Baselines3 wrote alone, nothing but the algorithm. The card of an ONNX
+    file lies beside it: ``policy.json`` of ``policy.onnx``.
     """
     try:
+        if path.suffix == ".onnx":
+            return dict(json.loads(path.with_suffix(".json").read_text(encoding="utf-8")))
         with zipfile.ZipFile(path) as archive:
             names = archive.namelist()
             if CARD in names:
                 card = json.loads(archive.read(CARD))
             else:
                 card = {"algorithm": _algorithm(json.loads(archive.read("data")))}
-    except (zipfile.BadZipFile, KeyError, ValueError) as error:
-        raise PolicyError(f"{path} is not a policy saved by Stable-Baselines3 ({error})") from error
+    except (zipfile.BadZipFile, KeyError, ValueError, TypeError, FileNotFoundError) as error:
+        raise PolicyError(
+            f"{path} is not a policy saved by rodgym or Stable-Baselines3 ({error})"
+        ) from error
     if not isinstance(card, dict):
         raise PolicyError(f"{path}: its {CARD} is no JSON object")
     return card

@@ -136,7 +136,7 @@ def _behind(model: Any, name: str, env: AnyEnv, sight: Sight) -> Policy:
     check_actions(model, name, env)
     frames = _frames(model, name, space, sight)
     if sight.statistics is None:
-        _check_normalized(model, name)
+        _check_normalized(model, name, frames)
     if len(space.shape) != 1:
         return model  # type: ignore[no-any-return]
     try:
@@ -266,7 +266,7 @@ def _check_bounds(trained: Any, name: str, space: gym.spaces.Box, frames: int) -
         )
 
 
-def _check_normalized(model: Any, name: str) -> None:
+def _check_normalized(model: Any, name: str, frames: int) -> None:
     """Refuses a policy that was trained on normalised observations, where nothing normalises them.
 
     A file of Stable-Baselines3 does not say so, but keeps the last observations of its training:
@@ -276,8 +276,12 @@ def _check_normalized(model: Any, name: str) -> None:
     space = model.observation_space
     if not isinstance(last, np.ndarray) or not last.size:
         return
-    slack = 1e-3 * np.maximum(1.0, np.abs(space.high))
-    if (last < space.low - slack).any() or (last > space.high + slack).any():
+    low, high = space.low, space.high
+    if frames > 1:
+        # VecFrameStack repeats each bound, but puts whole observations one after the other.
+        low, high = low.min(), high.max()
+    slack = 1e-3 * np.maximum(1.0, np.abs(high))
+    if (last < low - slack).any() or (last > high + slack).any():
         raise PolicyError(
             f"{name} was trained on normalised observations (VecNormalize), but its statistics are "
             f"not here: put {STATISTICS} beside it, or give --normalize FILE (normalize= in "

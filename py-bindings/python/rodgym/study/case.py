@@ -18,6 +18,7 @@ from rodgym.evaluation.policies import controller_names, find, ready
 from rodgym.evaluation.saved import statistics_file
 from rodgym.evaluation.score import score
 from rodgym.study.spec import Case, StudyError
+from rodgym.zoo import is_zoo
 
 Row = dict[str, Any]
 
@@ -85,7 +86,7 @@ def policy_files(policy: str) -> tuple[Path, ...]:
     Raises:
         PolicyError: neither a name nor a file.
     """
-    if policy in ("zoo", *controller_names()) or is_named(policy):
+    if is_zoo(policy) or policy in controller_names() or is_named(policy):
         return ()
     file = find(policy)
     statistics = statistics_file(file)
