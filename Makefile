@@ -24,7 +24,7 @@ SOAK_MINUTES ?= 30
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
-demo: extension ## train an agent, compare it with the LQR, write runs/demo/report.html
+demo: extension ## train three agents, compare them with the LQR, write runs/demo/report.html
 	$(BIN)/rodgym demo $(ARGS)
 
 test: lint test-rust test-oldest test-python ## everything that must hold before a change lands

@@ -45,7 +45,7 @@ class Blinded:
 class Misled:
     """Turns the filter's first estimate of an LQG, the whole rod, by up to `angle` either way."""
 
-    #: Where the estimate of the coordinates begins in the state: after steps, clock and two actions.
+    #: Where the estimate of the coordinates begins in the state: after steps, clock, two actions.
     FIRST = 4
 
     def __init__(self, policy: Policy, angle: float, edges: int = 6) -> None:

@@ -115,7 +115,8 @@ def test_an_agent_sees_its_own_actions_in_training_as_in_evaluation() -> None:
     from rodgym.training.trainer import make_training_env
 
     env_id = "rodgym/PendulumSwingUpBase-v0"
-    recipe = load_recipe(env_id).with_changes({"n_envs": 2, "frame_stack": 3, "own_actions": True})
+    own = {"vec_env_wrapper": "rodgym.training.OwnActions"}
+    recipe = load_recipe(env_id).with_changes({"n_envs": 2, "frame_stack": 3, **own})
     kwargs = {"max_episode_steps": 5}
     training = make_training_env(env_id, recipe, 0, kwargs)
     bare = rodgym.sb3.make_vec_env(env_id, 2, 0, env_kwargs=kwargs)
@@ -159,6 +160,7 @@ def test_compare_trains_and_leaves_everything_in_the_run_folder(
         "learning_curve.png",
         "moment.png",
         "policy.zip",
+        "recipe.yml",
         "report.html",
         "run.json",
         "scores.csv",

@@ -17,7 +17,7 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "export": ("onnx", "onnxruntime"),
     "data": ("pyarrow", "minari", "h5py"),
     "ray": ("ray", "yaml", "matplotlib"),
-    "tune": ("optuna", "stable_baselines3", "yaml"),
+    "tune": ("optuna",),
     "train": (
         "stable_baselines3", "sb3_contrib", "tensorboard", "torch", "rich", "tqdm",
         "matplotlib", "jinja2", "PIL", "imageio_ffmpeg", "yaml",

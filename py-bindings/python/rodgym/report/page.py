@@ -31,12 +31,13 @@ def write_page(run: Run, comparison: Comparison) -> Path:
         verdict=about.verdict(evaluations),
         about=about,
         seed=first.seed,
-        seeds=evaluations[0].seeds,
+        seeds=evaluations[-1].seeds,
         columns=evaluations[0].described,
         rows=_rows(evaluations),
         designs=shows_designs(evaluations),
         notes=notes(evaluations),
-        training=comparison.training,
+        trainings=comparison.trainings,
+        statistics=comparison.statistics,
         players=comparison.players,
         reward=reward_of(first.spec),
         how=_how(run, comparison),
@@ -90,6 +91,7 @@ def _how(run: Run, comparison: Comparison) -> dict[str, Any]:
     }
     if facts.get("commit"):
         how["commit"] = facts["commit"]
-    if comparison.training is not None:
-        how["training seed"] = comparison.training.seed
+    if comparison.trainings:
+        seeds = [str(training.seed) for training in comparison.trainings]
+        how["training seed" if len(seeds) == 1 else "training seeds"] = ", ".join(seeds)
     return how
