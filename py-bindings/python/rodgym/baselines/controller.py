@@ -145,7 +145,8 @@ class LqgAdaptive(Controller):
     """Output feedback of a rod that is only roughly known: eight filters that learn it.
 
     The rods that it believes possible are those that the environment draws (`randomize`); where it
-    draws none, those about the nominal one. Of these it learns stiffness and mass. Sees what `Lqg` sees.
+    draws none, those about the nominal one. Of these it learns stiffness and mass. Sees what `Lqg`
+    sees.
     """
 
     name = "lqg-adaptive"
@@ -158,9 +159,9 @@ class LqgAdaptive(Controller):
             state: what `predict` returned last, (n, state_size).
 
         Returns:
-            By name an array (n, 3): best value, and the ends of the interval that holds the truth in
-            nine of ten episodes. `bending_stiffness` E I [N m^2] and `mass` [kg] are always there;
-            `youngs_modulus` [Pa] and `width` [m] where the density is known.
+            By name an array (n, 3): best value, and the ends of the interval that holds the truth
+            in nine of ten episodes. `bending_stiffness` E I [N m^2] and `mass` [kg] are always
+            there; `youngs_modulus` [Pa] and `width` [m] where the density is known.
         """
         told = self._native.estimate(np.atleast_2d(numbers("state", state)))
         return {name: values for name, (_, values) in told.items()}

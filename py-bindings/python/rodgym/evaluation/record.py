@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import gymnasium as gym
@@ -23,7 +23,8 @@ class Record:
     ``spec`` is what the core says of the environment; ``time`` (T,) [s] is that at the end of each
     step; ``angles`` (T, edges) [rad] are those of :func:`edge_angles` from the machine's rest,
     whatever the policy sees; ``metrics`` are (T,) each; ``frames`` are pictures, ``frame_dt``
-    apart, the first one of the start.
+    apart, the first one of the start. ``parameters`` are the episode's; ``estimates`` are what a
+    policy that learns them has found by then: (T, 3), best value and the ends of an interval.
     """
 
     policy: str
@@ -36,6 +37,8 @@ class Record:
     metrics: Mapping[str, NDArray[np.float64]]
     frames: list[NDArray[np.uint8]]
     frame_dt: float
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    estimates: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
 
 
 def record(
@@ -91,7 +94,7 @@ def _record(
     spec = machines.spec_of(env)
     dt = float(spec["control_dt"])
     every = max(1, round(1 / (frame_rate * dt))) if frame_rate else 0
-    observation, _ = env.reset(seed=seed)
+    observation, begun = env.reset(seed=seed)
     frames = [np.asarray(env.render())] if every else []
     state: Any = None
     start = np.ones(1, bool)
@@ -99,10 +102,14 @@ def _record(
     actions: list[NDArray[np.float32]] = []
     angles: list[NDArray[np.float64]] = []
     metrics: dict[str, list[float]] = {}
+    estimate = getattr(actor, "estimate", None)
+    estimates: dict[str, list[NDArray[np.float64]]] = {}
     over = False
     while not over and len(rewards) * dt < max_seconds:
         (action,), state = ask(actor, observation[np.newaxis], state, start)
         start = np.zeros(1, bool)
+        for key, row in (estimate(state) if estimate else {}).items():
+            estimates.setdefault(key, []).append(row[0])
         observation, reward, terminated, truncated, info = env.step(action)
         over = terminated or truncated
         rewards.append(float(reward))
@@ -124,6 +131,8 @@ def _record(
         metrics={key: np.array(values) for key, values in metrics.items()},
         frames=frames,
         frame_dt=every * dt,
+        parameters=dict(begun.get("parameters", {})),
+        estimates={key: np.array(rows) for key, rows in estimates.items()},
     )
 
 

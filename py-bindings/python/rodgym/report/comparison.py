@@ -54,8 +54,9 @@ def compare(
     """Evaluates all on the same seeds, then writes tables, plots and the animation.
 
     Files: ``scores.csv`` (one row per policy and seed), ``episode.csv`` (the steps of the episode
-    that is shown), ``scores.png``, ``episode.png``, ``animation.gif`` and, with a training,
-    ``learning_curve.png``; and the machine's own pictures.
+    that is shown), ``scores.png``, ``episode.png``, ``animation.gif``; with a training
+    ``learning_curve.png``; with a policy that learns its machine ``estimates.png``; and the
+    machine's own pictures.
     """
     began = time.perf_counter()
     seeds = checks.seeds(seeds)
@@ -79,6 +80,8 @@ def compare(
     _write_episode(run, records)
     plots.distributions(run.file("scores.png"), evaluations)
     plots.episodes(run.file("episode.png"), records)
+    if plots.learned(records):
+        plots.estimates(run.file("estimates.png"), records)
     for picture in machines.of(records[0].spec).pictures:
         picture.draw(run.file(picture.file), records, evaluations)
     animation.write_gif(

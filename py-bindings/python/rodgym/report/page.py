@@ -13,6 +13,7 @@ from rodgym.evaluation import Column, Evaluation
 from rodgym.evaluation.table import cell
 from rodgym.report import html
 from rodgym.report.comparison import Comparison
+from rodgym.report.plots import learned
 from rodgym.report.style import COLOURS
 from rodgym.runs import Run
 
@@ -30,6 +31,7 @@ def write_page(run: Run, comparison: Comparison) -> Path:
         verdict=about.verdict(evaluations),
         about=about,
         seed=first.seed,
+        learned=bool(learned(comparison.records)),
         seeds=evaluations[0].seeds,
         columns=evaluations[0].described,
         rows=_rows(evaluations),
