@@ -87,8 +87,9 @@ def compare(
     Files: ``scores.csv`` (one row per policy and seed), ``episode.csv`` (the steps of the episode
     that is shown), ``scores.png``, ``episode.png``, ``moment.png``, ``animation.gif``, where
     imageio-ffmpeg is installed ``animation.mp4``, with trainings ``learning_curve.png``; where an
-    entrant was trained several times, ``intervals.png`` and ``profiles.png``; with a policy that learns
-    its machine ``estimates.png``; and the machine's own pictures. With `trajectories`, ``"csv"`` or ``"parquet"``, every step of every episode too.
+    entrant was trained several times, ``intervals.png`` and ``profiles.png``; with a policy that
+    learns its machine ``estimates.png``; and the machine's own pictures. With `trajectories`,
+    ``"csv"`` or ``"parquet"``, every step of every episode too.
     """
     began = time.perf_counter()
     seeds = checks.seeds(seeds)

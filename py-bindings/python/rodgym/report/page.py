@@ -12,8 +12,8 @@ from rodgym.evaluation import Column, Evaluation
 from rodgym.evaluation.table import cell, notes, shows_designs
 from rodgym.report import html
 from rodgym.report.comparison import Comparison
-from rodgym.report.plots import learned
 from rodgym.report.players import words
+from rodgym.report.plots import learned
 from rodgym.report.reward import reward_of
 from rodgym.report.style import COLOURS
 from rodgym.runs import Run
