@@ -110,7 +110,7 @@ bench: extension ## speed beside other simulators (installed ones): refreshes do
 .PHONY: accuracy
 accuracy: venv ## long: how exact every stepper is; writes the table of default steps and docs/performance/accuracy.md
 	cargo build --release -p rodgym-core --example swing
-	$(BIN)/python tests/long/accuracy.py
+	PYTHONPATH=tests/python $(BIN)/python tests/long/accuracy.py
 
 .PHONY: soak-pendulum
 soak-pendulum: ## long: a million random torques on ordinary rods, and on soft and thin ones
@@ -121,6 +121,10 @@ controllers: extension ## long: every claim of the controllers on 100 seeds, wri
 
 scores: extension ## long: trains on several seeds and writes docs/scores.md
 	$(BIN)/python tests/long/scores.py
+
+.PHONY: robustness
+robustness: extension ## long: how far off rod, motor and sensors may be; refreshes docs/robustness.md
+	$(BIN)/python tests/long/robustness.py
 
 .PHONY: distil
 distil: extension ## long: ten students of each recipe, writes the table of docs/distillation.md

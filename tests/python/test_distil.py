@@ -218,7 +218,7 @@ def test_variants_and_lost_samples_are_taught_and_validated(tmp_path: Path) -> N
 
 def test_recipes() -> None:
     assert load_recipe(ENV).teacher == "lqr"
-    assert "randomize" in load_recipe(ENV, "unknown-e").env_kwargs
+    assert load_recipe(ENV, "unknown-e").env_kwargs["randomize"]
     assert load_recipe("rodgym/FinThrust-v0") == Recipe()
     with pytest.raises(RecipeError, match=r"recipe 'unknown-x': .* has no entry"):
         load_recipe(ENV, "unknown-x")

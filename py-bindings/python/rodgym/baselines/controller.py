@@ -180,11 +180,37 @@ class Lqg(Controller):
     """Output feedback: an extended Kalman filter of order 12 at most, and the regulator of `Lqr`.
 
     Sees base angle and rate only (observation="base"), of rods with any number of nodes. An
-    observation that is NaN is a lost sample.
+    observation that is NaN is a lost sample. It knows the `actuator_delay` that the environment
+    declares.
     """
 
     name = "lqg"
     title = "LQG"
+
+
+class LqgAdaptive(Controller):
+    """Output feedback of a rod that is only roughly known: eight filters that learn it.
+
+    The rods that it believes possible are those that the environment draws (`randomize`); where it
+    draws none, those about the nominal one. Of these it learns stiffness and mass. Sees what `Lqg` sees.
+    """
+
+    name = "lqg-adaptive"
+    title = "adaptive LQG"
+
+    def estimate(self, state: State) -> dict[str, npt.NDArray[np.float64]]:
+        """What it has found out of the rod.
+
+        Arguments:
+            state: what `predict` returned last, (n, state_size).
+
+        Returns:
+            By name an array (n, 3): best value, and the ends of the interval that holds the truth in
+            nine of ten episodes. `bending_stiffness` E I [N m^2] and `mass` [kg] are always there;
+            `youngs_modulus` [Pa] and `width` [m] where the density is known.
+        """
+        told = self._native.estimate(np.atleast_2d(numbers("state", state)))
+        return {name: values for name, (_, values) in told.items()}
 
 
 class ThesisLqr(Controller):
@@ -263,6 +289,7 @@ _LAWS: tuple[type[Controller], ...] = (
     Lqr,
     HybridLqr,
     Lqg,
+    LqgAdaptive,
     ThesisLqr,
     ThesisLqg,
     Gait,

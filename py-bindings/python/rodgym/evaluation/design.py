@@ -12,7 +12,9 @@ most of the result, so it is chosen by name and stands in every table:
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -65,7 +67,8 @@ def designed(
         design = usual_designs(name, spec)[0]
     drawn = drawn_by(spec)
     if isinstance(design, Mapping):
-        return law(believed(env, spec, design)), design_text(design)
+        belief = believed(env, spec, design)
+        return _law(name, json.dumps(belief, sort_keys=True)), design_text(design)
     if design == NOMINAL or (design in (EACH, DRAWN) and not drawn):
         return law(with_parameters(spec, {}) if law.plays else spec), NOMINAL
     if design == DRAWN and law.plays:
@@ -74,6 +77,14 @@ def designed(
         return EachEpisode(law, spec, drawn), EACH
     words = f"{DRAWN!r}, " if law.plays else ""
     raise refused("design", design, f"{NOMINAL!r}, {EACH!r}, {words}or keywords of {env_id}")
+
+
+@lru_cache(maxsize=32)
+def _law(name: str, spec: str) -> Controller:
+    """A controller for a spec in JSON. Studies ask for the same one in case after case, and a gait
+    takes seconds to be found; a controller remembers nothing, so that one serves them all.
+    """
+    return CONTROLLERS[name](json.loads(spec))
 
 
 def design_of(controller: Controller, spec: Mapping[str, Any]) -> str:
