@@ -143,7 +143,9 @@ def test_a_damaged_checkpoint_is_refused(tmp_path: Path) -> None:
         resume(run)
 
 
-@pytest.mark.parametrize("name", ["PPO normalised, stacked", "PPO, own actions, staggered", "RecurrentPPO"])
+@pytest.mark.parametrize(
+    "name", ["PPO normalised, stacked", "PPO, own actions, staggered", "RecurrentPPO"]
+)
 def test_what_is_saved_plays_as_it_was_validated(name: str, tmp_path: Path) -> None:
     run = Run("one", tmp_path)
     training = train(SWING_UP, run, recipe=recipe(name), env_kwargs=SHORT, quiet=True)
