@@ -24,7 +24,7 @@ SOAK_MINUTES ?= 30
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
-demo: extension ## train an agent, compare it with the LQR, write runs/demo/report.html
+demo: extension ## train three agents, compare them with the LQR, write runs/demo/report.html
 	$(BIN)/rodgym demo $(ARGS)
 
 test: lint test-rust test-oldest test-python ## everything that must hold before a change lands
@@ -110,7 +110,7 @@ bench: extension ## speed beside other simulators (installed ones): refreshes do
 .PHONY: accuracy
 accuracy: venv ## long: how exact every stepper is; writes the table of default steps and docs/performance/accuracy.md
 	cargo build --release -p rodgym-core --example swing
-	$(BIN)/python tests/long/accuracy.py
+	PYTHONPATH=tests/python $(BIN)/python tests/long/accuracy.py
 
 .PHONY: soak-pendulum
 soak-pendulum: ## long: a million random torques on ordinary rods, and on soft and thin ones

@@ -149,3 +149,17 @@ fn output_feedback_survives_lost_samples() {
     let ok = upright("lqg", BASE_ONLY, noisy(0.007, 7), 20, |step| step % 4 == 3);
     assert!(ok >= 18, "{ok} of 20");
 }
+
+/// The filter knows the torque that arrives; its regulator acts on the state that will be then.
+#[test]
+fn output_feedback_knows_a_motor_that_is_late() {
+    for delay in [0.01, 0.015, 0.02] {
+        for youngs_modulus in [7e6, 1e7, 1.3e7] {
+            let mut kwargs = noisy(0.007, 7);
+            kwargs["actuator_delay"] = json!(delay);
+            kwargs["youngs_modulus"] = json!(youngs_modulus);
+            let ok = upright("lqg", BASE_ONLY, kwargs, 10, every);
+            assert_eq!(ok, 10, "{delay} s late, {youngs_modulus} Pa");
+        }
+    }
+}

@@ -15,6 +15,7 @@ import rodgym.evaluation
 from rodgym.cli import main
 from rodgym.evaluation.policies import Stacked, load_policy, read_card
 from rodgym.evaluation.score import Trajectories, score
+from rodgym.extras import installed
 
 ENV = "rodgym/PendulumSwingUp-v0"
 SMALL = ["--set", "n_envs=8", "--set", "n_steps=32", "--set", "batch_size=64", "--steps", "512"]
@@ -114,7 +115,8 @@ def test_an_agent_sees_its_own_actions_in_training_as_in_evaluation() -> None:
     from rodgym.training.trainer import make_training_env
 
     env_id = "rodgym/PendulumSwingUpBase-v0"
-    recipe = load_recipe(env_id).with_changes({"n_envs": 2, "frame_stack": 3, "own_actions": True})
+    own = {"vec_env_wrapper": "rodgym.training.OwnActions"}
+    recipe = load_recipe(env_id).with_changes({"n_envs": 2, "frame_stack": 3, **own})
     kwargs = {"max_episode_steps": 5}
     training = make_training_env(env_id, recipe, 0, kwargs)
     bare = rodgym.sb3.make_vec_env(env_id, 2, 0, env_kwargs=kwargs)
@@ -151,11 +153,14 @@ def test_compare_trains_and_leaves_everything_in_the_run_folder(
     files = {path.name for path in folder.iterdir()}
     assert files == {
         "animation.gif",
+        *(["animation.mp4"] if installed("imageio_ffmpeg") else []),
         "episode.csv",
         "episode.png",
         "learning_curve.csv",
         "learning_curve.png",
+        "moment.png",
         "policy.zip",
+        "recipe.yml",
         "report.html",
         "run.json",
         "scores.csv",
@@ -163,7 +168,7 @@ def test_compare_trains_and_leaves_everything_in_the_run_folder(
     }
     page = (folder / "report.html").read_text()
     # Self-contained: nothing is fetched from anywhere.
-    assert page.count("data:image/") == 4
+    assert page.count("data:image/") == 5
     assert "://" not in page
     assert "Ctrl-C" not in page
     with (folder / "scores.csv").open() as stream:

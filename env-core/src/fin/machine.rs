@@ -88,6 +88,10 @@ impl Machine for Fin {
         self.config.design.physics_dt
     }
 
+    fn warning(&self) -> Option<String> {
+        self.config.warning()
+    }
+
     fn new_plant<R: Real>(&self) -> Plant<R> {
         Plant::new(&self.config)
     }

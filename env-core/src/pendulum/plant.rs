@@ -162,6 +162,24 @@ impl<R: Real> Plant<R> {
         disturbance: R,
         watch: Watch<'_>,
     ) -> R::Mask {
+        let mut sound = R::Mask::splat(true);
+        // (One loop, so that the steppers are compiled into this function once.)
+        for (torque, steps) in self.take(config, action, disturbance) {
+            self.torque = torque;
+            let Plant { rod, motion, integrator, .. } = self;
+            if steps > 0 {
+                let drive = Constant(self.torque);
+                sound = sound.and(integrator.advance_unless(rod, motion, &drive, steps, watch));
+            }
+        }
+        self.posture = self.take_posture();
+        sound
+    }
+
+    /// Takes an action; returns the torques of the control step to come, pushes and disturbance included \[N m\], and how
+    /// many physics steps each acts.
+    #[inline(always)]
+    pub(super) fn take(&mut self, config: &Config, action: R, disturbance: R) -> [(R, usize); 2] {
         self.action = action;
         let command = action * self.parameters[at::TORQUE_LIMIT] * R::splat(config.gain);
         let mut disturbance = disturbance;
@@ -174,24 +192,13 @@ impl<R: Real> Plant<R> {
             self.commands[i] = self.commands[i - 1];
         }
         self.commands[0] = command;
-        let Plant { rod, motion, integrator, commands, .. } = self;
-        // During the first part of the step the command before is still on its way. (One loop, so that the
-        // steppers are compiled into this function once.)
-        let phases = [(commands[old + 1], part), (commands[old], config.substeps - part)];
-        let mut sound = R::Mask::splat(true);
-        for (command, steps) in phases {
-            self.torque = command + disturbance;
-            if steps > 0 {
-                let drive = Constant(self.torque);
-                sound = sound.and(integrator.advance_unless(rod, motion, &drive, steps, watch));
-            }
-        }
-        self.posture = self.take_posture();
-        sound
+        // During the first part of the step the command before is still on its way.
+        [(old + 1, part), (old, config.substeps - part)]
+            .map(|(age, steps)| (self.commands[age] + disturbance, steps))
     }
 
     #[inline(always)]
-    fn take_posture(&self) -> Posture<R> {
+    pub(super) fn take_posture(&self) -> Posture<R> {
         let up = Vec2::new(R::zero(), R::one());
         let mut posture = Posture { rates: R::zero(), off: R::zero() };
         for k in 0..self.edges() {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import gymnasium as gym
@@ -39,6 +39,8 @@ class Record:
     metrics: Mapping[str, NDArray[np.float64]]
     frames: list[NDArray[np.uint8]]
     frame_dt: float
+    #: As that of an `Evaluation`.
+    design: str = ""
 
 
 def record(
@@ -82,7 +84,8 @@ def record(
             needs_end(env)
         player = ready(policy, env, env_id, design, normalize)
         label = label_of(policy, name)
-        return _record(player.policy, env, seed, label, frame_rate, max_seconds)
+        episode = _record(player.policy, env, seed, label, frame_rate, max_seconds)
+        return replace(episode, design=player.design)
     finally:
         env.close()
 
