@@ -87,8 +87,9 @@ def compare(
     Files: ``scores.csv`` (one row per policy and seed), ``episode.csv`` (the steps of the episode
     that is shown), ``scores.png``, ``episode.png``, ``moment.png``, ``animation.gif``, where
     imageio-ffmpeg is installed ``animation.mp4``, with trainings ``learning_curve.png``; where an
-    entrant was trained several times, ``intervals.png`` and ``profiles.png``; and the machine's own
-    pictures. With `trajectories`, ``"csv"`` or ``"parquet"``, every step of every episode too.
+    entrant was trained several times, ``intervals.png`` and ``profiles.png``; with a policy that
+    learns its machine ``estimates.png``; and the machine's own pictures. With `trajectories`,
+    ``"csv"`` or ``"parquet"``, every step of every episode too.
     """
     began = time.perf_counter()
     seeds = checks.seeds(seeds)
@@ -129,6 +130,8 @@ def compare(
         env.close()
     plots.distributions(run.file("scores.png"), evaluations)
     plots.episodes(run.file("episode.png"), records)
+    if plots.learned(records):
+        plots.estimates(run.file("estimates.png"), records)
     plots.moment(run.file("moment.png"), records)
     for own in machines.of(records[0].spec).pictures:
         own.draw(run.file(own.file), records, evaluations)
