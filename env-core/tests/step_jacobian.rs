@@ -217,7 +217,8 @@ fn the_gradient_of_an_episode_is_that_of_small_differences() {
         let env = moving(&task, &given);
         let machine = Pendulum::new(&task.setup(), &given).expect("allowed");
         let (plant, stream) = inside(&env, &machine);
-        let actions: Vec<f32> = (0..12).map(|t| (t as f32 * 0.7).sin()).collect();
+        // (So weak that the rate term stays away from where it is full.)
+        let actions: Vec<f32> = (0..12).map(|t| 0.3 * (t as f32 * 0.7).sin()).collect();
         let names = ["width".into(), "torque_limit".into()];
         let found = env.rollout_gradient(INDEX, &actions, &names).expect("it steps");
         let [rewards, by_actions, by_state, by_parameters] = &found[..] else {
@@ -249,9 +250,7 @@ fn the_gradient_of_an_episode_is_that_of_small_differences() {
                 actions[t] += h;
                 total(plant.clone(), &actions)
             });
-            if actions[t].abs() < 0.97 {
-                check(format!("action {t}"), by_actions, t, other);
-            }
+            check(format!("action {t}"), by_actions, t, other);
         }
         for j in (0..12).chain(18..by_state.values.len()) {
             let h = if j < 6 { 2e-4 } else { 0.05 };
