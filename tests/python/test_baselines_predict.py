@@ -77,7 +77,7 @@ def test_the_design_follows_the_environment():
 
 
 #: Laws that see base angle and rate only.
-OUTPUT_FEEDBACK = ("lqg", "thesis-lqg")
+OUTPUT_FEEDBACK = ("lqg", "lqg-adaptive", "thesis-lqg")
 
 
 @pytest.mark.parametrize(

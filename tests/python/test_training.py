@@ -34,7 +34,10 @@ DIES = {"callback": [{"training_helpers.Dies": {"calls": 53}}]}
 RECIPES = {
     "PPO": ON_POLICY,
     "PPO normalised, stacked": {**ON_POLICY, "normalize": True, "frame_stack": 2},
-    "PPO, own actions": {**ON_POLICY, "vec_env_wrapper": "rodgym.training.OwnActions"},
+    "PPO, own actions, staggered": {
+        **ON_POLICY,
+        "vec_env_wrapper": ["rodgym.training.Staggered", "rodgym.training.OwnActions"],
+    },
     "PPO, state-dependent noise": {**ON_POLICY, "use_sde": True, "sde_sample_freq": 5},
     "PPO behind wrappers": {
         **ON_POLICY,
@@ -140,7 +143,9 @@ def test_a_damaged_checkpoint_is_refused(tmp_path: Path) -> None:
         resume(run)
 
 
-@pytest.mark.parametrize("name", ["PPO normalised, stacked", "PPO, own actions", "RecurrentPPO"])
+@pytest.mark.parametrize(
+    "name", ["PPO normalised, stacked", "PPO, own actions, staggered", "RecurrentPPO"]
+)
 def test_what_is_saved_plays_as_it_was_validated(name: str, tmp_path: Path) -> None:
     run = Run("one", tmp_path)
     training = train(SWING_UP, run, recipe=recipe(name), env_kwargs=SHORT, quiet=True)

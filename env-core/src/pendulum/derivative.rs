@@ -237,8 +237,8 @@ pub struct Told {
 /// Takes a control step, written down; `None` where the solver gave up.
 pub fn advance(config: &Config, plant: &mut Plant<f64>, told: Told) -> Option<Vec<Phase>> {
     let mut phases = vec![];
-    for (command, steps) in plant.take(config, told.action) {
-        plant.torque = command + told.disturbance;
+    for (torque, steps) in plant.take(config, told.action, told.disturbance) {
+        plant.torque = torque;
         if steps == 0 {
             continue;
         }
@@ -269,8 +269,8 @@ pub fn differentiate(
         if !told.inside {
             action = Dual::constant(told.action);
         }
-        for (command, steps) in dual.take(config, action) {
-            dual.torque = command + Dual::constant(told.disturbance);
+        for (torque, steps) in dual.take(config, action, Dual::constant(told.disturbance)) {
+            dual.torque = torque;
             if steps > 0 {
                 torques[group].push(dual.torque);
             }
@@ -325,11 +325,11 @@ pub fn pull_back_step(
     parameters.truncate(chosen.len());
     for (by, &i) in parameters.iter_mut().zip(chosen) {
         if i == at::TORQUE_LIMIT {
-            *by += commands[0] * told.action;
+            *by += commands[0] * told.action * config.gain;
         }
     }
     let mut state = vector(config.scheme, &motion, &past);
     state.extend_from_slice(&commands[1..=late]);
-    let slope = if told.inside { plant.parameters[at::TORQUE_LIMIT] } else { 0.0 };
+    let slope = if told.inside { plant.parameters[at::TORQUE_LIMIT] * config.gain } else { 0.0 };
     Ok(Some(Gradient { state, action: vec![commands[0] * slope], parameters }))
 }

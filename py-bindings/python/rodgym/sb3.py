@@ -125,7 +125,9 @@ def make_vec_env(
     env: VecEnv = RodVecEnv(name, n_envs, **kwargs)
     if seed is not None:
         env.seed(seed)
-        env.action_space.seed(seed + start_index)
+        number = checks.seed(seed)
+        assert isinstance(number, int)
+        env.action_space.seed(number + start_index)
     if not monitor:
         return env
     if monitor_dir is not None:

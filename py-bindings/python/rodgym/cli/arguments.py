@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from rodgym._literal import literal
+from rodgym.evaluation.bands import BANDS
 from rodgym.evaluation.conditions import CHOSEN
 
 DEFAULT_ENV = "rodgym/PendulumSwingUp-v0"
@@ -216,6 +217,17 @@ def add_seeds(parser: argparse.ArgumentParser) -> None:
         default=range(100),
         metavar="N|FIRST:END",
         help="episodes to play: one per seed (default 100: the seeds 0 to 99)",
+    )
+
+
+def add_band(parser: argparse.ArgumentParser) -> None:
+    """``--band``: conditions of a standard evaluation."""
+    parser.add_argument(
+        "--band",
+        choices=BANDS,
+        default=BANDS[0],
+        help="conditions to play under: nominal (default); starts: from any angle, turning; "
+        "rods: machines about the nominal one, drawn each episode (docs/robustness.md)",
     )
 
 

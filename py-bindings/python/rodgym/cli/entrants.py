@@ -18,13 +18,22 @@ from rodgym.runs import Run
 
 def title(source: str) -> str:
     """What a table calls a policy: ``LQR``, ``PPO`` for a trained one, else its own name."""
-    card = _card(source)
+    card = _card(trained(source)[0])
     if card:
         return str(card["algorithm"])
     if is_named(source):
         return source.rpartition(":")[2]
     law = CONTROLLERS.get(source)
     return law.title or source if law else source
+
+
+def trained(source: str) -> list[str]:
+    """The policies in a folder of several trainings, by seed; else the source alone."""
+    path = Path(source)
+    if not path.is_dir() or (path / "policy.zip").is_file():
+        return [source]
+    found = [p for p in path.glob("seed-*/policy.zip") if p.parent.name[5:].isdecimal()]
+    return [str(p) for p in sorted(found, key=lambda p: int(p.parent.name[5:]))] or [source]
 
 
 def _card(source: str) -> dict[str, Any]:
@@ -74,7 +83,7 @@ def rows_of(source: str, spec: Mapping[str, Any], designs: Sequence[Any]) -> lis
     chosen = designs or usual_designs(source, spec)
     if len(chosen) == 1:
         return [Row(title(source), source, chosen[0])]
-    return [Row(f"{title(source)}, {design_text(one)}", source, one) for one in chosen]
+    return [Row(f"{title(source)} ({design_text(one)})", source, one) for one in chosen]
 
 
 def new_run(name: str, root: str, force: bool) -> Run:

@@ -16,7 +16,7 @@ from matplotlib.ticker import FuncFormatter
 from rodgym.evaluation import statistics
 from rodgym.evaluation.statistics import Scores
 from rodgym.report.plots import thousands
-from rodgym.report.style import COLOURS, level, styled
+from rodgym.report.style import COLOURS, styled
 
 #: Thresholds of a profile.
 POINTS = 201
@@ -91,7 +91,9 @@ def learning_curves(
                 pairs = [(run[time], run[2]) for run in runs]
                 _band(axes, pairs, COLOURS[i % len(COLOURS)], f"{name}, {_seeds(len(runs))}")
             for i, (text, value) in enumerate((levels or {}).items(), start=len(curves)):
-                level(axes, value, text if axes is left else "", COLOURS[i % len(COLOURS)])
+                # In the legend: levels lie close together where everybody is good.
+                colour = COLOURS[i % len(COLOURS)]
+                axes.axhline(value, color=colour, ls=(0, (5, 3)), lw=1.6, label=text)
             axes.set_xlim(left=0)
         left.xaxis.set_major_formatter(FuncFormatter(thousands))
         left.set_xlabel("environment steps")

@@ -30,11 +30,10 @@ WHOLE = (
     "n_timesteps", "n_envs", "frame_stack", "n_steps", "batch_size", "n_epochs", "buffer_size",
     "learning_starts", "gradient_steps",
 )  # fmt: skip
-#: A wrapper of ours that evaluations know.
-OWN_ACTIONS = (
-    "rodgym.training.OwnActions",
-    "rodgym.training.own_actions.OwnActions",
-)
+#: Wrappers of ours: what an agent sees behind the first is known to evaluations, and behind the
+#: second it sees what it would see without.
+OWN_ACTIONS = ("rodgym.training.OwnActions", "rodgym.training.own_actions.OwnActions")
+STAGGERED = ("rodgym.training.Staggered", "rodgym.training.staggered.Staggered")
 #: Keys of rl-baselines3-zoo that are known and not taken, with the reason.
 NOT_TAKEN = {
     "replay_buffer_class": "only the usual store of old steps is used (hindsight needs goals)",
@@ -43,6 +42,7 @@ NOT_TAKEN = {
     "vec_env_class": "the native batch is the vectorised environment",
     "eval_env_kwargs": "validation plays the environment that is learnt in",
     "action_noise": "write noise_type and noise_std",
+    "own_actions": "write vec_env_wrapper: rodgym.training.OwnActions",
 }
 
 
@@ -165,7 +165,7 @@ class Recipe:
         """Names of the wrappers around the environments that only this recipe knows."""
         keys = ("env_wrapper", "vec_env_wrapper")
         names = [name for key in keys for name, _ in named_keywords(key, getattr(self, key))]
-        return [name for name in names if name not in OWN_ACTIONS]
+        return [name for name in names if name not in (*OWN_ACTIONS, *STAGGERED)]
 
     def entry(self) -> dict[str, Any]:
         """All of it but the algorithm, as an entry that rl-baselines3-zoo reads.

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rodgym.cli.arguments import (
@@ -20,7 +21,7 @@ from rodgym.cli.arguments import (
     designs,
     env_keywords,
 )
-from rodgym.cli.commands.train import add_training
+from rodgym.cli.commands.train import add_training, options
 
 if TYPE_CHECKING:
     from rodgym.report import Entrant
@@ -31,6 +32,8 @@ EXAMPLES = """
 rodgym compare
 rodgym compare --env rodgym/PendulumSwingUpBase-v0 --controller lqg,thesis-lqg
 rodgym compare --policy lqr --controller lqr-hybrid
+rodgym compare --train-seeds 10
+rodgym compare --policy runs/ten --controller lqr
 rodgym compare --policy zoo,runs/demo/policy.zip --controller lqr --env-arg width=0.0081
 """
 
@@ -52,7 +55,8 @@ def add_arguments(parser: argparse.ArgumentParser, **run: str) -> None:
         type=some_names,
         metavar="FILE,...",
         help="policies to compare instead of training one: files, 'zoo' for the one that comes "
-        "with rodgym, controllers, or classes of yours: mine.py:Class",
+        "with rodgym, controllers, classes of yours: mine.py:Class, or the folder of several "
+        "trainings (rodgym train --train-seeds), which is one row",
     )
     add_designs(parser)
     add_normalize(parser)
@@ -80,12 +84,12 @@ def given(value: object) -> bool:
 
 
 #: Arguments that concern a training.
-TRAINING = ("algorithm", "steps", "seed", "recipe", "changes")
+TRAINING = ("algorithm", "steps", "seed", "train_seeds", "recipe", "changes")
 
 
 def run(args: argparse.Namespace) -> int:
     from rodgym import machines
-    from rodgym.cli.entrants import new_run, rows_of
+    from rodgym.cli.entrants import new_run, rows_of, trained
     from rodgym.cli.needs import REPORT, need, of_data, of_env, of_policy
     from rodgym.cli.needs import TRAINING as TRAINS
     from rodgym.evaluation.conditions import make_batch
@@ -94,8 +98,7 @@ def run(args: argparse.Namespace) -> int:
 
     asked = [name for name in TRAINING if given(getattr(args, name))]
     if args.policy and asked:
-        named = ", ".join("--set" if name == "changes" else f"--{name}" for name in asked)
-        raise UsageError(f"{named}: nothing is trained where --policy is given")
+        raise UsageError(f"{options(asked)}: nothing is trained where --policy is given")
     policies = of_policy(*args.policy) if args.policy else TRAINS
     need(*policies, *REPORT, *of_env(args.env), *of_data(args.trajectories, None))
     from rodgym.report import Entrant  # It draws, so that it needs what was asked for above.
@@ -117,8 +120,10 @@ def run(args: argparse.Namespace) -> int:
         entrants = []
         for row in rows:
             statistics = None if row.design else args.normalize
-            ready(row.policy, env, args.env, row.design, statistics)
-            entrants.append(Entrant(row.name, row.policy, row.design, statistics))
+            first, *others = trained(row.policy)
+            for policy in (first, *others):
+                ready(policy, env, args.env, row.design, statistics)
+            entrants.append(Entrant(row.name, first, row.design, statistics, tuple(others)))
     finally:
         env.close()
     folder = new_run(args.name or default_name("compare", args.env), args.runs, args.force)
@@ -128,14 +133,22 @@ def run(args: argparse.Namespace) -> int:
 
 def report(args: argparse.Namespace, entrants: list[Entrant], folder: Run) -> int:
     """The work of ``compare`` and ``demo``."""
-    from rodgym.cli.commands.train import train
+    from rodgym.cli.commands.train import train_all
     from rodgym.evaluation import comparison_table
     from rodgym.report import Entrant, compare, write_page
 
-    training = None
-    if not args.policy:
-        training = train(args, folder)
-        entrants = [Entrant(training.recipe.algorithm, str(training.policy)), *entrants]
+    trainings = []
+    if args.policy and entrants[0].others:
+        from rodgym.training import load_training
+
+        # Several trainings of one recipe: their curves are beside them.
+        paths = (entrants[0].policy, *entrants[0].others)
+        trainings = [load_training(Path(str(path)).parent) for path in paths]
+    elif not args.policy:
+        trainings = train_all(args, folder)
+        first, *others = (str(training.policy) for training in trainings)
+        name = trainings[0].recipe.algorithm
+        entrants = [Entrant(name, first, others=tuple(others)), *entrants]
     print("evaluating and drawing ...", flush=True)
     comparison = compare(
         unique(entrants),
@@ -143,7 +156,7 @@ def report(args: argparse.Namespace, entrants: list[Entrant], folder: Run) -> in
         folder,
         seeds=args.seeds,
         env_kwargs=dict(args.env_arg),
-        training=training,
+        trainings=trainings,
         trajectories=args.trajectories,
     )
     folder.facts |= {
@@ -152,17 +165,19 @@ def report(args: argparse.Namespace, entrants: list[Entrant], folder: Run) -> in
         "seeds": str(args.seeds),
         "designs": {e.policy: e.design for e in comparison.evaluations},
     }
-    if training is not None:
+    if trainings:
         folder.facts |= {
-            "training_seed": training.seed,
-            "training_seconds": round(training.seconds, 1),
-            "recipe": training.recipe.as_dict(),
+            "training_seeds": [training.seed for training in trainings],
+            "training_seconds": [round(training.seconds, 1) for training in trainings],
+            "recipe": trainings[0].recipe.as_dict(),
         }
     folder.write_facts()
     page = write_page(folder, comparison)
     print()
     print(comparison_table(comparison.evaluations))
     print()
+    for line in comparison.statistics:
+        print(line)
     print(f"report: {page}")
     return 0
 

@@ -7,6 +7,7 @@ import argparse
 from rodgym.cli.arguments import (
     DEFAULT_ENV,
     UsageError,
+    add_band,
     add_designs,
     add_env,
     add_force,
@@ -22,6 +23,7 @@ EXAMPLES = """
 rodgym evaluate lqr
 rodgym evaluate runs/demo/policy.zip --seeds 100:200
 rodgym evaluate zoo --env rodgym/PendulumSwingUp-v0 --env-arg width=0.0081
+rodgym evaluate lqr --band starts
 rodgym evaluate lqr --env-arg randomize={'width':(0.006,0.009)} --design nominal
 """
 
@@ -33,6 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "controller such as lqr ('rodgym list' names them), or a class of yours: mine.py:Class",
     )
     add_env(parser, default=None)
+    add_band(parser)
     add_designs(parser)
     add_normalize(parser)
     add_seeds(parser)
@@ -49,13 +52,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     from rodgym.cli.entrants import new_run, resolve_env, rows_of
     from rodgym.cli.needs import need, of_data, of_env, of_policy
-    from rodgym.evaluation import comparison_table, evaluate
+    from rodgym.evaluation import band_keywords, comparison_table, evaluate
     from rodgym.evaluation.conditions import spec_for
     from rodgym.evaluation.trajectories import write_trajectories
     from rodgym.runs import default_name, write_csv
 
     env_id, env_kwargs = resolve_env(args.policy, args.env, dict(args.env_arg), DEFAULT_ENV)
     need(*of_policy(args.policy), *of_env(env_id), *of_data(args.trajectories, args.minari))
+    env_kwargs = band_keywords(args.band, env_id, env_kwargs)
     asked = designs(args.design)
     rows = rows_of(args.policy, spec_for(env_id, env_kwargs), asked)
     if args.minari and len(rows) > 1:
@@ -79,6 +83,7 @@ def run(args: argparse.Namespace) -> int:
         "env": env_id,
         "env_kwargs": env_kwargs,
         "policy": args.policy,
+        "band": args.band,
         "designs": [result.design for result in results],
     }
     folder.write_facts()

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -100,6 +101,11 @@ def add_training(parser: argparse.ArgumentParser) -> None:
     add_force(parser)
 
 
+def options(names: Iterable[str]) -> str:
+    """Arguments by the names that people type."""
+    return ", ".join("--set" if n == "changes" else f"--{n.replace('_', '-')}" for n in names)
+
+
 def run(args: argparse.Namespace) -> int:
     from rodgym.cli.needs import TRAINING, need, of_algorithm, of_env
     from rodgym.runs import Run, default_name
@@ -136,10 +142,9 @@ def resume(args: argparse.Namespace, folder: Run) -> Training:
 
     given = [name for name in DECIDED if getattr(args, name) not in (None, [], False)]
     if given:
-        named = ", ".join(
-            "--set" if name == "changes" else f"--{name.replace('_', '-')}" for name in given
+        raise UsageError(
+            f"{options(given)}: --resume goes on with what the training was started with"
         )
-        raise UsageError(f"{named}: --resume goes on with what the training was started with")
     return training.resume(folder)
 
 
