@@ -57,6 +57,8 @@ class Controller:
     title: ClassVar[str] = ""
     #: Whether it is found by playing the environment as that draws its parameters.
     plays: ClassVar[bool] = False
+    #: Whether it learns its machine: what an environment draws is then what it believes possible.
+    learns: ClassVar[bool] = False
 
     def __init__(self, spec: dict[str, Any]) -> None:
         """Designs the law for an environment's `core_spec` (see `for_env`)."""
@@ -206,6 +208,7 @@ class LqgAdaptive(Controller):
 
     name = "lqg-adaptive"
     title = "adaptive LQG"
+    learns = True
 
     def estimate(self, state: State) -> dict[str, npt.NDArray[np.float64]]:
         """What it has found out of the rod.
@@ -215,8 +218,8 @@ class LqgAdaptive(Controller):
 
         Returns:
             By name an array (n, 3): best value, and the ends of the interval that holds the truth
-            in nine of ten episodes. `bending_stiffness` E I [N m^2] and `mass` [kg] are always there;
-            `youngs_modulus` [Pa] and `width` [m] where the density is known.
+            in nine of ten episodes. `bending_stiffness` E I [N m^2] and `mass` [kg] are always
+            there; `youngs_modulus` [Pa] and `width` [m] where the density is known.
         """
         told = self._native.estimate(np.atleast_2d(numbers("state", state)))
         return {name: values for name, (_, values) in told.items()}
