@@ -215,8 +215,8 @@ class LqgAdaptive(Controller):
 
         Returns:
             By name an array (n, 3): best value, and the ends of the interval that holds the truth
-            in nine of ten episodes. `bending_stiffness` E I [N m^2] and `mass` [kg] are always there;
-            `youngs_modulus` [Pa] and `width` [m] where the density is known.
+            in nine of ten episodes. `bending_stiffness` E I [N m^2] and `mass` [kg] are always
+            there; `youngs_modulus` [Pa] and `width` [m] where the density is known.
         """
         told = self._native.estimate(np.atleast_2d(numbers("state", state)))
         return {name: values for name, (_, values) in told.items()}

@@ -31,7 +31,7 @@ def write_page(run: Run, comparison: Comparison) -> Path:
         verdict=about.verdict(evaluations),
         about=about,
         seed=first.seed,
-        seeds=evaluations[-1].seeds,
+        seeds=list(dict.fromkeys(evaluations[0].seeds)),
         columns=evaluations[0].described,
         rows=_rows(evaluations),
         designs=shows_designs(evaluations),
