@@ -282,3 +282,21 @@ def test_ctrl_c_keeps_what_was_learnt() -> None:
     assert "interrupted after" in out
     result = rodgym.evaluation.evaluate("runs/long", ENV, range(2))
     assert np.isfinite(result.columns["return"]).all()
+
+
+def test_a_report_shows_what_a_policy_learns_of_its_rod() -> None:
+    keywords = ["--env-arg", "randomize={'youngs_modulus': (7e6, 1.3e7)}"]
+    command = ["compare", "--env", "rodgym/PendulumSwingUpBase-v0", "--seeds", "0:2", *keywords]
+    assert main([*command, "--controller", "lqg-adaptive,lqg", "--name", "learns"]) == 0
+    assert Path("runs/learns/estimates.png").stat().st_size > 5000
+    page = Path("runs/learns/report.html").read_text(encoding="utf-8")
+    assert "What was learnt of the rod" in page
+    record = rodgym.evaluation.record(
+        "lqg-adaptive",
+        "rodgym/PendulumSwingUpBase-v0",
+        env_kwargs={"randomize": {"youngs_modulus": (7e6, 1.3e7)}},
+        max_seconds=2.0,
+    )
+    value, low, high = record.estimates["youngs_modulus"].T
+    truth = record.parameters["youngs_modulus"]
+    assert abs(value[-1] / truth - 1) < 0.02 and (low < value).all() and (value < high).all()

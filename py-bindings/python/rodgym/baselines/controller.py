@@ -57,6 +57,8 @@ class Controller:
     title: ClassVar[str] = ""
     #: Whether it is found by playing the environment as that draws its parameters.
     plays: ClassVar[bool] = False
+    #: Whether it learns its machine: what an environment draws is then what it believes possible.
+    learns: ClassVar[bool] = False
 
     def __init__(self, spec: dict[str, Any]) -> None:
         """Designs the law for an environment's `core_spec` (see `for_env`)."""
@@ -206,6 +208,7 @@ class LqgAdaptive(Controller):
 
     name = "lqg-adaptive"
     title = "adaptive LQG"
+    learns = True
 
     def estimate(self, state: State) -> dict[str, npt.NDArray[np.float64]]:
         """What it has found out of the rod.

@@ -3,7 +3,8 @@
 A controller needs a model. Where an environment draws its parameters, the choice of that model is
 most of the result, so it is chosen by name and stands in every table:
 
-* ``"nominal"``: the keywords of the environment, whatever an episode draws;
+* ``"nominal"``: the keywords of the environment, whatever an episode draws (a controller that
+  learns its machine is told there what may be drawn);
 * ``"each"``: every episode's own parameters. That is privileged: no policy is shown them;
 * keywords, such as ``{"width": 0.009}``: these instead of the environment's;
 * ``"drawn"``: of controllers that are found by playing (gaits): episodes as the environment draws
@@ -39,7 +40,7 @@ def drawn_by(spec: Mapping[str, Any]) -> tuple[str, ...]:
 
 def usual_designs(name: str, spec: Mapping[str, Any]) -> tuple[Design, ...]:
     """The designs that a comparison shows where none is asked for, the best informed one first."""
-    if not drawn_by(spec):
+    if not drawn_by(spec) or CONTROLLERS[name].learns:
         return (NOMINAL,)
     return (DRAWN,) if CONTROLLERS[name].plays else (EACH, NOMINAL)
 

@@ -87,8 +87,9 @@ def compare(
     Files: ``scores.csv`` (one row per policy and seed), ``episode.csv`` (the steps of the episode
     that is shown), ``scores.png``, ``episode.png``, ``moment.png``, ``animation.gif``, where
     imageio-ffmpeg is installed ``animation.mp4``, with trainings ``learning_curve.png``; where an
-    entrant was trained several times, ``intervals.png`` and ``profiles.png``; and the machine's own
-    pictures. With `trajectories`, ``"csv"`` or ``"parquet"``, every step of every episode too.
+    entrant was trained several times, ``intervals.png`` and ``profiles.png``; with a policy that
+    learns its machine ``estimates.png``; and the machine's own pictures. With `trajectories`,
+    ``"csv"`` or ``"parquet"``, every step of every episode too.
     """
     began = time.perf_counter()
     seeds = checks.seeds(seeds)
@@ -129,6 +130,8 @@ def compare(
         env.close()
     plots.distributions(run.file("scores.png"), evaluations)
     plots.episodes(run.file("episode.png"), records)
+    if plots.learned(records):
+        plots.estimates(run.file("estimates.png"), records)
     plots.moment(run.file("moment.png"), records)
     for own in machines.of(records[0].spec).pictures:
         own.draw(run.file(own.file), records, evaluations)
@@ -138,7 +141,7 @@ def compare(
         animation.write_mp4(run.file("animation.mp4"), frames, records[0].frame_dt)
     if trainings:
         _draw_learning(run, trainings, entrants, evaluations, env_id, kwargs)
-    grouped = {e.policy: scores(found) for e, found in zip(evaluations, singles, strict=True)}
+    grouped = {e.name: scores(found) for e, found in zip(entrants, singles, strict=True)}
     lines: tuple[str, ...] = ()
     if any(len(found) > 1 for found in singles):
         lines = several_trainings(run, grouped)
@@ -193,7 +196,8 @@ def several_trainings(run: Run, grouped: Mapping[str, NDArray[np.float64]]) -> t
     first, *others = grouped
     for name, found in grouped.items():
         about = statistics.summary(found)
-        text = f"{name}: interquartile mean {about.interquartile_mean}, mean {about.mean}"
+        who = several(name, about.trained) if about.trained > 1 else name
+        text = f"{who}: interquartile mean {about.interquartile_mean}, mean {about.mean}"
         lines.append(f"{text}, median {about.median}")
     for name in others:
         better = statistics.probability_of_improvement(grouped[first], grouped[name])

@@ -13,6 +13,7 @@ from rodgym.evaluation.table import cell, notes, shows_designs
 from rodgym.report import html
 from rodgym.report.comparison import Comparison
 from rodgym.report.players import words
+from rodgym.report.plots import learned
 from rodgym.report.reward import reward_of
 from rodgym.report.style import COLOURS
 from rodgym.runs import Run
@@ -31,7 +32,8 @@ def write_page(run: Run, comparison: Comparison) -> Path:
         verdict=about.verdict(evaluations),
         about=about,
         seed=first.seed,
-        seeds=list(dict.fromkeys(evaluations[0].seeds)),
+        learned=bool(learned(comparison.records)),
+        seeds=tuple(dict.fromkeys(evaluations[0].seeds)),
         columns=evaluations[0].described,
         rows=_rows(evaluations),
         designs=shows_designs(evaluations),

@@ -131,6 +131,40 @@ def episodes(path: Path, records: Sequence[Record]) -> None:
         plt.close(figure)
 
 
+def learned(records: Sequence[Record]) -> list[tuple[int, str]]:
+    """Places of policies, and parameters of the episode that they were to find out."""
+    return [
+        (i, name)
+        for i, record in enumerate(records)
+        for name, values in record.estimates.items()
+        if name in record.parameters and values[0, 2] > values[0, 1]
+    ]
+
+
+def estimates(path: Path, records: Sequence[Record]) -> None:
+    """What policies have found out of the machine, over time, beside the truth."""
+    shown = learned(records)
+    with styled():
+        figure, grid = plt.subplots(
+            1, len(shown), figsize=(4.2 * len(shown), 2.6), squeeze=False, layout="constrained"
+        )
+        for axes, (i, name) in zip(grid[0], shown, strict=True):
+            record, colour = records[i], COLOURS[i % len(COLOURS)]
+            truth = record.parameters[name]
+            value, low, high = 100 * (record.estimates[name].T / truth - 1)
+            axes.fill_between(record.time, low, high, color=colour, alpha=0.2, lw=0)
+            axes.plot(record.time, value, color=colour, lw=1.4)
+            axes.axhline(0.0, color=FAINT, lw=1, ls=(0, (5, 3)))
+            # The first samples leave everything open; what comes after is what there is to see.
+            reach = max(5.0, 1.5 * np.abs(value[min(50, len(value) - 1) :]).max())
+            axes.set_ylim(-reach, reach)
+            axes.set_title(f"{record.policy}: {name}", color=colour)
+            axes.set_xlabel("time [s]")
+        grid[0, 0].set_ylabel("estimate off by [%]")
+        figure.savefig(path)
+        plt.close(figure)
+
+
 def _share(rows: np.ndarray) -> None:
     """Gives the panels of each row one vertical scale, written at the left one."""
     for first, *others in rows:
