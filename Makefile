@@ -119,6 +119,10 @@ soak-pendulum: ## long: a million random torques on ordinary rods, and on soft a
 controllers: extension ## long: every claim of the controllers on 100 seeds, writes docs/controllers.md
 	$(BIN)/python tests/long/controllers.py
 
+.PHONY: unknown-rods
+unknown-rods: extension ## long: output feedback of rods that it must learn, writes docs/unknown-rods.md
+	$(BIN)/python tests/long/unknown_rods.py
+
 scores: extension ## long: trains on several seeds and writes docs/scores.md
 	$(BIN)/python tests/long/scores.py
 

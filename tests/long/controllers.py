@@ -45,7 +45,7 @@ class Blinded:
 class Misled:
     """Turns the filter's first estimate of an LQG, the whole rod, by up to `angle` either way."""
 
-    #: Where the estimate of the coordinates begins in the state: after steps, clock and two actions.
+    #: Where the estimate of the coordinates begins in the state: after steps, clock, two actions.
     FIRST = 4
 
     def __init__(self, policy: Policy, angle: float, edges: int = 6) -> None:
@@ -131,9 +131,7 @@ CLAIMS = (
         for modulus in (7e6, 1e7, 1.3e7)
     ),
     output_feedback(0.007, 95, "7 MPa, 31 nodes", youngs_modulus=7e6, nodes=31),
-    output_feedback(
-        0.007, 95, "7 MPa, from any angle", youngs_modulus=7e6, start_angle=ANY_ANGLE
-    ),
+    output_feedback(0.007, 95, "7 MPa, from any angle", youngs_modulus=7e6, start_angle=ANY_ANGLE),
     output_feedback(
         0.009, 95, "13 MPa, from any angle", youngs_modulus=1.3e7, start_angle=ANY_ANGLE
     ),

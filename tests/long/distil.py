@@ -18,9 +18,11 @@ from typing import Any
 from rodgym.cli.arguments import seeds
 from rodgym.distil import distil, load_recipe
 from rodgym.distil.checkpoint import NAME as CHECKPOINT
+from rodgym.distil.policy import read, save
 from rodgym.evaluation import Evaluation, evaluate
 from rodgym.evaluation.policies import read_card
 from rodgym.runs import Run
+from rodgym.zoo import ZOO
 
 PAGE = Path(__file__).parents[2] / "docs" / "distillation.md"
 HEADING = "## Ten students of each recipe\n"
@@ -35,6 +37,8 @@ class Promise:
 
     recipe: str | None
     title: str
+    #: Keywords of the rods that are played.
+    rods: dict[str, Any]
     #: Young's moduli [Pa] that are played one by one.
     moduli: tuple[float, ...]
     upright: int
@@ -44,9 +48,15 @@ class Promise:
 
 
 PROMISES = {
-    "known": Promise(None, "Known rod (7 mm, 10 MPa)", (), 100, 10, 469.0),
+    "known": Promise(None, "Known rod (7 mm, 10 MPa)", {}, (), 100, 10, 469.0),
     "unknown-e": Promise(
-        "unknown-e", "E drawn from 7 to 13 MPa", (7e6, 8.5e6, 1e7, 11.5e6, 13e6), 98, 9, 0.0
+        "unknown-e",
+        "E drawn from 7 to 13 MPa",
+        {"randomize": {"youngs_modulus": (7e6, 13e6)}},
+        (7e6, 8.5e6, 1e7, 11.5e6, 13e6),
+        98,
+        9,
+        0.0,
     ),
 }
 
@@ -86,7 +96,7 @@ def taught(name: str, promise: Promise, seed: int) -> Result:
         )
         for modulus in promise.moduli
     }
-    played = evaluate(source, ENV, SEEDS, env_kwargs=card["env_kwargs"])
+    played = evaluate(source, ENV, SEEDS, env_kwargs={"sensor_noise": NOISE, **promise.rods})
     times = (float(last["seconds"]), float(last["cpu_seconds"]))
     return Result(seed, card, *times, played, grid)
 
@@ -122,10 +132,24 @@ def holds(promise: Promise, results: list[Result]) -> bool:
     return sum(good) * 10 >= promise.students * len(results)
 
 
+def ship(name: str, promise: Promise, seed: int) -> None:
+    """Writes a student into the zoo, its weights in 16 bits."""
+    taught(name, promise, seed)
+    file = Path(f"runs/distil/{name}-{seed}/policy.zip")
+    card = read_card(file)
+    label = f".{promise.recipe}" if promise.recipe else ""
+    shipped = ZOO / f"{ENV.rpartition('/')[2]}{label}.zip"
+    save(read(file, card), shipped, card, half=True)
+    print(f"wrote {shipped}")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument(
         "--seeds", type=seeds, default=range(10), help="N or FIRST:END: students of each recipe"
+    )
+    parser.add_argument(
+        "--ship", type=int, metavar="SEED", help="writes the students of a seed into the zoo, too"
     )
     parser.add_argument("--recipe", choices=PROMISES, help="of this recipe only; writes no page")
     args = parser.parse_args()
@@ -134,6 +158,8 @@ def main() -> None:
     for name in names:
         promise = PROMISES[name]
         results = [taught(name, promise, seed) for seed in args.seeds]
+        if args.ship is not None:
+            ship(name, promise, args.ship)
         if not holds(promise, results):
             failed.append(promise.title)
         asked = f"at least {promise.upright} of 100 upright"

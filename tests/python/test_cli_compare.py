@@ -15,6 +15,7 @@ import rodgym.evaluation
 from rodgym.cli import main
 from rodgym.evaluation.policies import Stacked, load_policy, read_card
 from rodgym.evaluation.score import Trajectories, score
+from rodgym.extras import installed
 
 ENV = "rodgym/PendulumSwingUp-v0"
 SMALL = ["--set", "n_envs=8", "--set", "n_steps=32", "--set", "batch_size=64", "--steps", "512"]
@@ -152,10 +153,12 @@ def test_compare_trains_and_leaves_everything_in_the_run_folder(
     files = {path.name for path in folder.iterdir()}
     assert files == {
         "animation.gif",
+        *(["animation.mp4"] if installed("imageio_ffmpeg") else []),
         "episode.csv",
         "episode.png",
         "learning_curve.csv",
         "learning_curve.png",
+        "moment.png",
         "policy.zip",
         "recipe.yml",
         "report.html",
@@ -165,7 +168,7 @@ def test_compare_trains_and_leaves_everything_in_the_run_folder(
     }
     page = (folder / "report.html").read_text()
     # Self-contained: nothing is fetched from anywhere.
-    assert page.count("data:image/") == 4
+    assert page.count("data:image/") == 5
     assert "://" not in page
     assert "Ctrl-C" not in page
     with (folder / "scores.csv").open() as stream:
@@ -279,3 +282,21 @@ def test_ctrl_c_keeps_what_was_learnt() -> None:
     assert "interrupted after" in out
     result = rodgym.evaluation.evaluate("runs/long", ENV, range(2))
     assert np.isfinite(result.columns["return"]).all()
+
+
+def test_a_report_shows_what_a_policy_learns_of_its_rod() -> None:
+    keywords = ["--env-arg", "randomize={'youngs_modulus': (7e6, 1.3e7)}"]
+    command = ["compare", "--env", "rodgym/PendulumSwingUpBase-v0", "--seeds", "0:2", *keywords]
+    assert main([*command, "--controller", "lqg-adaptive,lqg", "--name", "learns"]) == 0
+    assert Path("runs/learns/estimates.png").stat().st_size > 5000
+    page = Path("runs/learns/report.html").read_text(encoding="utf-8")
+    assert "What was learnt of the rod" in page
+    record = rodgym.evaluation.record(
+        "lqg-adaptive",
+        "rodgym/PendulumSwingUpBase-v0",
+        env_kwargs={"randomize": {"youngs_modulus": (7e6, 1.3e7)}},
+        max_seconds=2.0,
+    )
+    value, low, high = record.estimates["youngs_modulus"].T
+    truth = record.parameters["youngs_modulus"]
+    assert abs(value[-1] / truth - 1) < 0.02 and (low < value).all() and (value < high).all()

@@ -138,6 +138,10 @@ def test_a_distillation_that_was_cut_off_goes_on_to_the_same_student(
     run = Run("cut", tmp_path)
     cut = distil(ENV, run, recipe=recipe, seed=3, env_kwargs=SHORT, quiet=True)
     assert cut.interrupted and cut.rounds == 1 and cut.policy.is_file()
+    (run.path / "policy.zip").rename(tmp_path / "elsewhere")
+    with pytest.raises(RunError, match="from a distillation that was stopped"):
+        distil(ENV, run, recipe=recipe, seed=3, env_kwargs=SHORT, quiet=True)
+    (tmp_path / "elsewhere").rename(run.path / "policy.zip")
     with pytest.raises(RunError, match="its seed is 3, not 4"):
         distil(ENV, run, recipe=recipe, seed=4, env_kwargs=SHORT, quiet=True, resume=True)
     rest = distil(ENV, run, recipe=recipe, seed=3, env_kwargs=SHORT, quiet=True, resume=True)
@@ -201,6 +205,23 @@ def test_a_student_is_a_policy_like_others(tmp_path: Path) -> None:
         policy.predict(np.zeros((2, 5)))
     with pytest.raises(ShapeError, match="state has shape"):
         policy.predict(observation, np.zeros((5, 2)))
+
+
+def test_a_student_is_taught_and_plays_over_the_network(tmp_path: Path) -> None:
+    from remote_helpers import need_server, serving
+
+    need_server()
+    recipe = TINY.with_changes({"rounds": 1})
+    here = distil(ENV, Run("here", tmp_path), recipe=recipe, env_kwargs=SHORT, quiet=True)
+    with serving() as server:
+        there = {"server": server.address, "env_id": ENV, **SHORT}
+        made = distil(
+            "rodgym/Remote-v0", Run("there", tmp_path), recipe=recipe, env_kwargs=there, quiet=True
+        )
+        assert [row[4:] for row in made.curve] == [row[4:] for row in here.curve]
+        played = evaluate(str(here.policy), "rodgym/Remote-v0", range(3), env_kwargs=there)
+    local = evaluate(str(here.policy), ENV, range(3), env_kwargs=SHORT)
+    assert played.columns["return"].tolist() == local.columns["return"].tolist()
 
 
 def test_variants_and_lost_samples_are_taught_and_validated(tmp_path: Path) -> None:

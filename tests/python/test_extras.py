@@ -67,6 +67,7 @@ COMMANDS: list[tuple[str, list[str], set[str] | None]] = [
     ("steps", ["evaluate", "lqr", "--trajectories", "parquet", *PLAY, "steps"], {"data"}),
     ("evaluate-zoo", ["evaluate", "zoo", *PLAY, "evaluate-zoo"], {"train"}),
     ("gif", ["render", "lqr", "lqr.gif", *SHORT], {"render", "report", "train", "ray"}),
+    ("film", ["render", "lqr", "lqr.mp4", *SHORT], {"render", "report", "train"}),
     ("strip", ["render", "zoo", "zoo.png", *SHORT], {"train"}),
     ("window", ["render", "lqr", "--show", *SHORT], {"render"}),
     (
@@ -154,7 +155,8 @@ def test_the_extras_are_those_of_the_project():
     tomllib = pytest.importorskip("tomllib")
     listed = tomllib.loads(PROJECT.read_text())["project"]["optional-dependencies"]
     names = {"stable-baselines3": "stable_baselines3", "sb3-contrib": "sb3_contrib",
-             "pyyaml": "yaml", "pyzmq": "zmq", "pillow": "PIL"}  # fmt: skip
+             "pyyaml": "yaml", "pyzmq": "zmq", "pillow": "PIL",
+             "imageio-ffmpeg": "imageio_ffmpeg"}  # fmt: skip
     for extra, modules in EXTRAS.items():
         packages = {re.split(r"[<>=\[]", text)[0] for text in listed[extra]}
         # PyTorch is a requirement of Stable-Baselines3.

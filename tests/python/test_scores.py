@@ -12,7 +12,7 @@ import pytest
 import rodgym
 from gymnasium.wrappers import NormalizeObservation, RescaleAction, RescaleObservation
 from rodgym.baselines import Gait, Lqr
-from rodgym.errors import ParameterError
+from rodgym.errors import ParameterError, UnknownEnvError
 from rodgym.evaluation import PolicyError, evaluate, load_policy, record
 
 stable_baselines3 = pytest.importorskip("stable_baselines3")
@@ -337,6 +337,13 @@ def test_an_environment_of_ones_own_is_scored_by_its_own_reward(mine, capsys):
     assert "registers no environment 'Mine/Other-v0'" in capsys.readouterr().err
 
 
+def test_an_environment_that_nobody_registered_is_named():
+    for play in (lambda env: evaluate("zero", env, range(1)), lambda env: record("zero", env)):
+        for env in ("Mine/Nowhere-v0", "rodgym/PendulumSwingUp-v7"):
+            with pytest.raises(UnknownEnvError, match=f"no environment '{env}'"):
+                play(env)
+
+
 def test_what_an_own_environment_does_to_the_numbers_is_noticed(mine):
     with pytest.raises(ParameterError, match="behind RescaleAction"):
         evaluate("lqr", f"{mine}.py:Mine/Rescaled-v0", SEEDS)
@@ -414,7 +421,7 @@ def test_the_lqr_of_drawn_widths_has_a_row_for_each_design(capsys):
     text = "randomize={'width': (0.006, 0.010)}"
     assert main(["evaluate", "lqr", "--env-arg", text, "--seeds", "20", "--name", "drawn"]) == 0
     shown = capsys.readouterr().out
-    assert "LQR, each" in shown and "LQR, nominal" in shown and "privileged" in shown
+    assert "LQR (each)" in shown and "LQR (nominal)" in shown and "privileged" in shown
     with Path("runs/drawn/scores.csv").open() as stream:
         rows = list(csv.DictReader(stream))
     assert [row["design"] for row in rows] == ["each"] * 20 + ["nominal"] * 20
@@ -488,6 +495,24 @@ def test_a_study_gives_the_numbers_of_an_evaluation():
     assert run_case(case)["return"] == evaluate("lqr", ENV, range(6), env_kwargs=DRAWN).mean(
         "return"
     )
+
+
+def test_a_study_of_a_normalised_policy_takes_its_statistics_along():
+    from rodgym.study.case import policy_files, run_case
+    from rodgym.study.spec import case_id
+
+    venv = VecNormalize(make_vec_env(ENV, 4, 0))
+    learn(venv).save("plain.zip")
+    venv.save("vecnormalize.pkl")
+    case = {"env": ENV, "seeds": 4, "policy": "plain.zip"}
+    assert run_case(case)["return"] == pytest.approx(
+        evaluate("plain.zip", ENV, range(4)).mean("return"), rel=1e-9
+    )
+    files = policy_files("plain.zip")
+    assert [file.name for file in files] == ["plain.zip", "vecnormalize.pkl"]
+    before = case_id(case, files)
+    Path("vecnormalize.pkl").write_bytes(b"others")
+    assert case_id(case, files) != before
 
 
 def test_results_are_written_where_a_text_says(tmp_path):
@@ -566,3 +591,100 @@ def test_steps_that_were_not_kept_cannot_be_written():
         kept.write_trajectories("steps.txt")
     kept.write_trajectories("steps.csv")
     assert len(Path("steps.csv").read_text().splitlines()) == 4
+
+
+def test_best_known_returns_stand_in_the_table_where_they_are_known(tmp_path, monkeypatch, capsys):
+    from rodgym.evaluation import best_known, comparison_table
+
+    kept = [{"id": ENV, "config": {"width": 0.008}, "return": 489.25, "source": "a test"}]
+    monkeypatch.setattr(best_known, "FILE", tmp_path / "best_known.json")
+    assert evaluate("zero", ENV, range(1), env_kwargs={"width": 0.008}).best_known is None
+    best_known.FILE.write_text(json.dumps(kept))
+    there = evaluate("zero", ENV, range(1), env_kwargs={"width": 0.008})
+    assert there.best_known == 489.25
+    assert "best known return here: 489.2" in comparison_table([there])
+    assert evaluate("zero", ENV, range(1)).best_known is None
+
+
+# ----- the report as evidence
+
+
+def test_a_report_says_who_plays_what_is_paid_and_how_it_was_made():
+    text = "randomize={'width': (0.006, 0.010)}"
+    learner = learn(make_vec_env(ENV, 2, 0), gamma=0.97)
+    learner.save("mine.zip")
+    arguments = ["--seeds", "2", "--env-arg", text, *SHORT, "--name", "told"]
+    assert main(["compare", "--policy", "mine.zip", "--controller", "lqr", *arguments]) == 0
+    page = Path("runs/told/report.html").read_text()
+    for said in (
+        "designed for</dt><dd>the width of every episode",
+        "designed for</dt><dd>width = 0.007 m, length = 0.3 m",
+        "limits</dt><dd>torque_limit = 0.05 N m, control_dt = 0.01 s",
+        "gamma</dt><dd>0.97",
+        'gae_lambda</dt><dd class="default">0.95',
+        "<code>effort</code></td><td>-0.02 a^2</td>",
+        "moment.png",
+        "privileged",
+    ):
+        assert said in page, said
+    facts = json.loads(Path("runs/told/run.json").read_text())
+    assert facts["commit"] is None or len(facts["commit"].rstrip("+")) == 40
+    assert "white-space: pre-wrap" in page
+
+
+@pytest.mark.parametrize("env_id", list(rodgym.ENVIRONMENTS))
+def test_every_reward_in_a_report_has_the_terms_of_the_core(env_id):
+    from rodgym.report.reward import reward_of
+
+    spec = rodgym._native.Batch(env_id, 1).spec
+    told = reward_of(spec)
+    assert told is not None and [term for term, _, _ in told.terms] == spec["reward_terms"]
+
+
+def test_policies_keep_their_colours_in_a_gif(tmp_path):
+    from PIL import Image, ImageColor
+    from rodgym.report import animation
+    from rodgym.report.style import COLOURS
+
+    # A wide sky of shades, as the pictures of a fin have.
+    sky = np.zeros((60, 90, 3), np.uint8)
+    sky[..., 2] = np.arange(60)[:, None] * 4
+    pictures = []
+    for shift in range(3):
+        picture = Image.fromarray(np.roll(sky, shift, 0))
+        for i, colour in enumerate(COLOURS):
+            picture.paste(colour, (10 * i, 0, 10 * i + 3, 3))
+        pictures.append(picture)
+    animation.write_gif(tmp_path / "x.gif", pictures, 0.04)
+    with Image.open(tmp_path / "x.gif") as gif:
+        for frame in range(3):
+            gif.seek(frame)
+            shown = gif.convert("RGB")
+            for i, colour in enumerate(COLOURS):
+                assert shown.getpixel((10 * i + 1, 1)) == ImageColor.getrgb(colour)
+
+
+def test_stills_are_close_together_where_much_moves(capsys):
+    from PIL import Image
+    from rodgym.report import animation
+
+    episode = record("lqr", ENV, 0, frame_rate=25.0)
+    chosen = animation.moments(episode, 7)
+    assert chosen[0] == 0 and chosen[-1] == len(episode.frames) - 1
+    assert chosen == sorted(chosen)
+    # The rod stands after half a second of five.
+    assert sum(k * episode.frame_dt <= 0.8 for k in chosen) >= 5
+    assert animation.at_times(episode, [0.0, 0.21, 99.0]) == [0, 5, len(episode.frames) - 1]
+    assert main(["render", "lqr", "strip.png", "--at", "0,0.2,0.4", *SHORT]) == 0
+    with Image.open("strip.png") as strip:
+        assert strip.width == 3 * animation.STILL + 2 * animation.GAP
+    with pytest.raises(SystemExit):
+        main(["render", "lqr", "strip.png", "--at", "0,-1"])
+    assert "is not a list of at most 100 times" in capsys.readouterr().err
+
+
+def test_a_film_is_as_long_as_its_episode():
+    imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
+    assert main(["render", "zero", "film.mp4", *SHORT]) == 0
+    frames, seconds = imageio_ffmpeg.count_frames_and_secs("film.mp4")
+    assert frames == 11 and seconds == pytest.approx(0.44, abs=0.05)

@@ -22,8 +22,10 @@ const MOST: f64 = 50.0;
 const OVERLAP: f64 = 0.5;
 /// Deviation by which stiffness and mass are believed to change in a step.
 const DRIFT: f64 = 3e-4;
-/// Half of an interval that holds nine of ten normal numbers, in deviations.
-const NINE_OF_TEN: f64 = 1.645;
+/// Half of an interval that holds nine of ten truths, in the filter's deviations. Of normal numbers that would be
+/// 1.645; what the filter believes of the sensors and of change makes it less sure than it could be. (Measured
+/// on 360 episodes of 120 rods, E +-30 %.)
+const NINE_OF_TEN: f64 = 1.07;
 
 /// Swing-up and balance, from base angle and rate, of a rod that is only roughly known.
 ///
@@ -84,7 +86,7 @@ impl LqgAdaptive {
         needs_base("LqgAdaptive", target.observation.size())?;
         let prior = Prior::from_config(&target.config)?;
         let arrival = Arrival::from_config(&target.config, prior.middle.control_dt)?;
-        LqgAdaptive::new(prior, Noise::of_sensors(&target.config), arrival)
+        LqgAdaptive::new(prior, Noise::LEARNER.with_sensors(&target.config), arrival)
     }
 
     fn row<'a>(&self, state: &'a mut [f64]) -> Row<'a> {

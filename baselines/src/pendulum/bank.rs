@@ -231,3 +231,45 @@ impl<R: Real> Kernel for Forecast<'_, R> {
         (x, n)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    //! A bank holds the same bits whatever the instruction set.
+
+    use super::*;
+
+    #[test]
+    fn every_instruction_set_gives_the_same_bits() {
+        let rods: [RodDesign; LANES] = std::array::from_fn(|lane| RodDesign {
+            width: 0.006 + 0.0005 * lane as f64,
+            ..RodDesign::default()
+        });
+        let arrival = Arrival::new(1.5);
+        let learning = Learning { start: [0.01, 0.04], process: [1e-7, 1e-7] };
+        let play = |isa: Isa| {
+            let make =
+                Make { rods: &rods, noise: Noise::LEARNER, arrival: &arrival, learning, isa };
+            let bank = with_lanes(isa, make);
+            let mut memory = vec![0.0; bank.memory()];
+            bank.start(0.1, 0.0, &mut memory);
+            let mut bits = Vec::new();
+            for step in 0..30 {
+                let swing = libm::sin(0.3 * f64::from(step));
+                let step = Step {
+                    torques: [0.05 * swing, -0.05 * swing],
+                    measured: (step % 4 != 3).then_some((0.1 + 0.2 * swing, 3.0 * swing)),
+                    moved: step > 0,
+                };
+                let news = bank.step(&step, &mut memory);
+                bits.extend((0..LANES).map(|lane| news.surprise(lane, 50.0).to_bits()));
+            }
+            let (x, _) = bank.forecast(3, &arrival, &[0.5, -0.2, 0.1], 0.05, &memory);
+            bits.extend(memory.iter().chain(&x).map(|x| x.to_bits()));
+            bits
+        };
+        let wanted = play(Isa::Baseline);
+        for isa in Isa::available() {
+            assert_eq!(play(isa), wanted, "{}", isa.name());
+        }
+    }
+}

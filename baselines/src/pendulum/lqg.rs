@@ -39,7 +39,7 @@ impl Lqg {
         needs_base("Lqg", target.observation.size())?;
         let rod = RodDesign::from_config(&target.config)?;
         let arrival = Arrival::from_config(&target.config, rod.control_dt)?;
-        Lqg::new(rod, Noise::of_sensors(&target.config), arrival)
+        Lqg::new(rod, Noise::default().with_sensors(&target.config), arrival)
     }
 
     /// The feedback law.

@@ -92,3 +92,47 @@ fn rod(middle: &RodDesign, [stiffness, mass]: [f64; 2]) -> RodDesign {
         ..middle.clone()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    //! What is believed possible is what the environment says.
+
+    use super::*;
+    use serde_json::json;
+
+    fn prior(config: Value) -> Prior {
+        Prior::from_config(config.as_object().unwrap()).unwrap()
+    }
+
+    #[test]
+    fn rods_that_are_drawn_are_the_prior() {
+        let modulus = prior(json!({"randomize": {"youngs_modulus": [7e6, 1.3e7]}}));
+        assert_eq!(modulus.unknown(), [true, false]);
+        assert!((modulus.middle.youngs_modulus - libm::sqrt(7e6 * 1.3e7)).abs() < 1e-3);
+        let ends = [-1.0, 1.0].map(|side| modulus.rod([side * modulus.reach[0], 0.0]));
+        assert!((ends[0].youngs_modulus / 7e6 - 1.0).abs() < 1e-12);
+        assert!((ends[1].youngs_modulus / 1.3e7 - 1.0).abs() < 1e-12);
+        assert!(!modulus.any_density);
+        let all = prior(
+            json!({"randomize": {"density": ["log_uniform", 1e3, 2e3], "damping": [0.0, 0.1]}}),
+        );
+        assert!(all.any_density && all.unknown() == [true, true]);
+        assert_eq!(all.middle.damping, 0.05);
+    }
+
+    #[test]
+    fn where_nothing_is_drawn_rods_about_the_nominal_one_are() {
+        let about = prior(json!({"width": 0.008}));
+        for rod in [
+            json!({"width": 0.00605}),
+            json!({"width": 0.0104}),
+            json!({"width": 0.008, "youngs_modulus": 1.6e7}),
+        ] {
+            let rod = RodDesign::from_config(rod.as_object().unwrap()).unwrap();
+            let mass = |rod: &RodDesign| libm::log(rod.density * rod.width * rod.width);
+            let stiffness = |rod: &RodDesign| libm::log(rod.youngs_modulus * rod.width * rod.width);
+            assert!((mass(&rod) - mass(&about.middle)).abs() <= about.reach[1] + 0.01);
+            assert!((stiffness(&rod) - stiffness(&about.middle)).abs() <= about.reach[0]);
+        }
+    }
+}

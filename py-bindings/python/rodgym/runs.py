@@ -10,6 +10,7 @@ import os
 import platform
 import re
 import shlex
+import subprocess
 import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -104,8 +105,28 @@ def provenance() -> dict[str, Any]:
         "command": command_line(),
         "date": datetime.datetime.now(datetime.timezone.utc).strftime("%Y-%m-%d %H:%M UTC"),
         "versions": versions(),
+        "commit": commit(),
         "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores",
     }
+
+
+def commit() -> str | None:
+    """The commit of rodgym's own clone, with a + where files differ from it; None elsewhere."""
+    clone = Path(rodgym.__file__).parents[3]
+    if not (clone / "py-bindings").is_dir():
+        return None
+
+    def git(*words: str) -> str | None:
+        try:
+            done = subprocess.run(
+                ["git", "-C", str(clone), *words], capture_output=True, text=True, timeout=10
+            )
+        except (OSError, subprocess.TimeoutExpired):
+            return None
+        return done.stdout.strip() if done.returncode == 0 else None
+
+    head = git("rev-parse", "HEAD")
+    return None if head is None else head + ("+" if git("status", "--porcelain") else "")
 
 
 def command_line() -> str:

@@ -57,6 +57,8 @@ class Controller:
     title: ClassVar[str] = ""
     #: Whether it is found by playing the environment as that draws its parameters.
     plays: ClassVar[bool] = False
+    #: Whether it learns its machine: what an environment draws is then what it believes possible.
+    learns: ClassVar[bool] = False
 
     def __init__(self, spec: dict[str, Any]) -> None:
         """Designs the law for an environment's `core_spec` (see `for_env`)."""
@@ -82,9 +84,19 @@ class Controller:
         return self._native.config
 
     @property
-    def design(self) -> dict[str, float]:
-        """Physical parameters that it was designed for, by keyword."""
-        return {name: self.config[name] for name in self._physical}
+    def design(self) -> dict[str, Any]:
+        """Physical parameters that it was designed for, by keyword: values, or the range from which
+        they were drawn when it was found by playing.
+        """
+        values = {name: self.config[name] for name in self._physical}
+        return {**values, **(self.config.get("randomize") or {})} if self.plays else values
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """What the design settled on, by name; of a gait `amplitude` (of the action), `frequency`
+        [Hz] and `found_return` (mean of the search).
+        """
+        return self._native.parameters
 
     def fits(self, env: Any) -> None:
         """Refuses an environment that shows or takes other numbers than those of the design.
@@ -147,12 +159,10 @@ class Controller:
         return (action[0] if array.ndim == 1 else action), memory
 
     def __repr__(self) -> str:
-        drawn = self.config.get("randomize") or {}
-        values = {
-            name: str(drawn[name]) if self.plays and name in drawn else f"{value:g}"
+        made_for = ", ".join(
+            f"{name}={value:g}" if isinstance(value, float) else f"{name}={value}"
             for name, value in self.design.items()
-        }
-        made_for = ", ".join(f"{name}={value}" for name, value in values.items())
+        )
         return f"{type(self).__name__}({made_for})"
 
 
@@ -192,11 +202,13 @@ class LqgAdaptive(Controller):
     """Output feedback of a rod that is only roughly known: eight filters that learn it.
 
     The rods that it believes possible are those that the environment draws (`randomize`); where it
-    draws none, those about the nominal one. Of these it learns stiffness and mass. Sees what `Lqg` sees.
+    draws none, those about the nominal one. Of these it learns stiffness and mass. Sees what `Lqg`
+    sees.
     """
 
     name = "lqg-adaptive"
     title = "adaptive LQG"
+    learns = True
 
     def estimate(self, state: State) -> dict[str, npt.NDArray[np.float64]]:
         """What it has found out of the rod.
@@ -205,9 +217,9 @@ class LqgAdaptive(Controller):
             state: what `predict` returned last, (n, state_size).
 
         Returns:
-            By name an array (n, 3): best value, and the ends of the interval that holds the truth in
-            nine of ten episodes. `bending_stiffness` E I [N m^2] and `mass` [kg] are always there;
-            `youngs_modulus` [Pa] and `width` [m] where the density is known.
+            By name an array (n, 3): best value, and the ends of the interval that holds the truth
+            in nine of ten episodes. `bending_stiffness` E I [N m^2] and `mass` [kg] are always
+            there; `youngs_modulus` [Pa] and `width` [m] where the density is known.
         """
         told = self._native.estimate(np.atleast_2d(numbers("state", state)))
         return {name: values for name, (_, values) in told.items()}
@@ -256,11 +268,6 @@ class Gait(Controller):
             known = ", ".join(repr(name) for name in laws)
             raise refused("waveform", waveform, f"one of {known}")
         return laws[waveform](describe(env))
-
-    @property
-    def parameters(self) -> dict[str, float]:
-        """`amplitude` (of the action), `frequency` [Hz], `found_return` (mean of the search)."""
-        return self._native.parameters
 
 
 class SineGait(Gait):

@@ -83,7 +83,7 @@ def rows_of(source: str, spec: Mapping[str, Any], designs: Sequence[Any]) -> lis
     chosen = designs or usual_designs(source, spec)
     if len(chosen) == 1:
         return [Row(title(source), source, chosen[0])]
-    return [Row(f"{title(source)}, {design_text(one)}", source, one) for one in chosen]
+    return [Row(f"{title(source)} ({design_text(one)})", source, one) for one in chosen]
 
 
 def new_run(name: str, root: str, force: bool) -> Run:

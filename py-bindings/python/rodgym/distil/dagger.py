@@ -70,6 +70,7 @@ def distil(
     env_kwargs: Mapping[str, Any] | None = None,
     quiet: bool = False,
     resume: bool = False,
+    force: bool = False,
 ) -> Distillation:
     """Teaches a student and saves ``policy.zip`` and ``learning_curve.csv`` in the run's folder.
 
@@ -77,12 +78,15 @@ def distil(
     whole round, to the same student that an undisturbed distillation makes.
 
     Arguments:
+        resume: go on where the run was stopped.
+        force: replace what an earlier run of this name left.
         teacher: a policy in place of the one that the recipe names.
         env_kwargs: keywords of the student's environment, on top of the recipe's.
 
     Raises:
         RecipeError: values of the recipe that are not allowed.
-        RunError: nothing to resume, or a distillation of other settings.
+        RunError: nothing to resume, a distillation of other settings, or an earlier run that
+            neither `resume` nor `force` speaks of.
         ParameterError: keywords of the environment that are not allowed.
     """
     recipe = recipe or load_recipe(env_id)
@@ -100,6 +104,13 @@ def distil(
         "seed": seed,
     }
     progress = Progress(about)
+    if not (resume or force):
+        run.keep_policy()
+        if (run.path / NAME).exists():
+            raise RunError(
+                f"{run.path / NAME} is there from a distillation that was stopped: --resume goes "
+                "on with it, --force begins anew"
+            )
     if resume:
         progress = Progress.load(run)
         if progress.about != about:
@@ -111,7 +122,7 @@ def distil(
     school = School(env_id, kwargs, recipe, teacher or recipe.teacher, seed, progress)
     interrupted = False
     title = f"distilling {name}"
-    with Bar(title, recipe.rounds * recipe.batches, quiet) as bar:
+    with Bar(title, recipe.rounds * recipe.lessons[0], quiet) as bar:
         try:
             while progress.rounds < recipe.rounds:
                 school.round(bar)
@@ -213,14 +224,15 @@ class School:
             student.normalise(torch.cat([one.frames[one.alive] for one in new]))
         lessons = (progress.lessons + new)[-recipe.keep * len(self.pairs) :]
         chance = torch.Generator().manual_seed(int(rng.integers(2**63)))
+        count, size = recipe.lessons
         if recipe.net == "mlp":
-            batches = windows(lessons, recipe.frames, recipe.batch_size, chance)
+            batches = windows(lessons, recipe.frames, size, chance)
         else:
-            batches = episodes(lessons, recipe.batch_size, chance)
+            batches = episodes(lessons, size, chance)
         for group in self.optimizer.param_groups:
             group["lr"] = falling(recipe.learning_rate, number, recipe.rounds)
-        done = number * recipe.batches
-        error = fit(student, self.optimizer, batches, recipe.batches, lambda k: bar.at(done + k))
+        done = number * count
+        error = fit(student, self.optimizer, batches, count, lambda k: bar.at(done + k))
         returns, successes = self.validate()
         progress.rounds += 1
         progress.lessons = lessons

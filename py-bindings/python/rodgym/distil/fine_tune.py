@@ -114,6 +114,8 @@ def fine_tune(
         except KeyboardInterrupt:
             interrupted = True
     env.close()
+    if not watch.best:
+        raise KeyboardInterrupt
     model.policy.load_state_dict(watch.best)
     about = {
         "env": env_id,

@@ -36,7 +36,8 @@ class Recipe:
     rods: episodes of a round
     guided: share of the rods that the teacher drives, round by round; none after the last of these
     keep: rounds whose lessons are kept
-    batches, batch_size: minibatches of a round and their size: windows of an mlp, episodes of a gru
+    batches, batch_size: minibatches of a round and their size: windows of an mlp, episodes of a
+        gru; None: what suits the net, see `lessons`
     learning_rate: (first, last): of Adam, falling by the same factor from round to round
     lost_samples: each rod loses its own share of the samples, drawn from 0 to this
     variants: keywords of the environment that the rods of a round are divided over, such as
@@ -56,8 +57,8 @@ class Recipe:
     rods: int = 128
     guided: tuple[float, ...] = (1.0, 0.3, 0.3, 0.3)
     keep: int = 12
-    batches: int = 600
-    batch_size: int = 1024
+    batches: int | None = None
+    batch_size: int | None = None
     learning_rate: tuple[float, ...] = (1e-3, 1e-4)
     lost_samples: float = 0.0
     variants: tuple[Mapping[str, Any], ...] = ({},)
@@ -66,8 +67,10 @@ class Recipe:
 
     def __post_init__(self) -> None:
         for name, most in COUNTS.items():
-            self._check(name, whole(value := getattr(self, name)) and 1 <= value <= most,
-                        f"a whole number from 1 to {most}")  # fmt: skip
+            value = getattr(self, name)
+            left_out = value is None and name in ("batches", "batch_size")
+            fits = left_out or (whole(value) and 1 <= value <= most)
+            self._check(name, fits, f"a whole number from 1 to {most}")
         self._check("teacher", isinstance(self.teacher, str), "a controller's name or a file")
         self._check("net", self.net in NETS, f"one of {', '.join(NETS)}")
         self._check(
@@ -98,6 +101,12 @@ class Recipe:
         good = isinstance(value, Sequence) and not isinstance(value, str) and all(map(fits, value))
         self._check(name, good, f"a list of {allowed}")
         object.__setattr__(self, name, tuple(value))
+
+    @property
+    def lessons(self) -> tuple[int, int]:
+        """Minibatches of a round, and their size."""
+        count, size = (600, 1024) if self.net == "mlp" else (60, 16)
+        return self.batches or count, self.batch_size or size
 
     def with_changes(self, changes: Mapping[str, Any]) -> Recipe:
         """Returns this recipe with some values changed.

@@ -12,7 +12,7 @@ from rodgym import machines
 from rodgym._layers import layers
 from rodgym._own import module_of
 from rodgym._registration import REMOTE
-from rodgym.errors import ParameterError
+from rodgym.errors import ParameterError, UnknownEnvError
 
 #: Keywords of `gym.make_vec` that are an evaluation's to choose: one environment a seed, each
 #: played to its end once.
@@ -78,6 +78,13 @@ def registered_name(env_id: str) -> str:
         module_of(module)
     if module and name not in gym.registry:
         raise ParameterError(f"env_id = {env_id!r} is not allowed: {module} registers no {name!r}")
+    try:
+        gym.spec(name)
+    except gym.error.UnregisteredEnv as error:
+        raise UnknownEnvError(
+            f"there is no environment {name!r}; one of your own is named with the module that "
+            f"registers it, module:{name}"
+        ) from error
     return name
 
 

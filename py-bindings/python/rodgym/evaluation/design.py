@@ -3,7 +3,8 @@
 A controller needs a model. Where an environment draws its parameters, the choice of that model is
 most of the result, so it is chosen by name and stands in every table:
 
-* ``"nominal"``: the keywords of the environment, whatever an episode draws;
+* ``"nominal"``: the keywords of the environment, whatever an episode draws (a controller that
+  learns its machine is told there what may be drawn);
 * ``"each"``: every episode's own parameters. That is privileged: no policy is shown them;
 * keywords, such as ``{"width": 0.009}``: these instead of the environment's;
 * ``"drawn"``: of controllers that are found by playing (gaits): episodes as the environment draws
@@ -12,9 +13,9 @@ most of the result, so it is chosen by name and stands in every table:
 
 from __future__ import annotations
 
+import functools
 import json
 from collections.abc import Mapping
-from functools import lru_cache
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -24,7 +25,7 @@ from rodgym import _native
 from rodgym._checks import refused
 from rodgym.baselines import CONTROLLERS, Controller
 from rodgym.baselines.controller import describe
-from rodgym.evaluation.origin import shown
+from rodgym.evaluation.origin import DERIVED, shown
 from rodgym.evaluation.policy import AnyEnv, Policy
 
 Design: TypeAlias = str | Mapping[str, Any]
@@ -39,7 +40,7 @@ def drawn_by(spec: Mapping[str, Any]) -> tuple[str, ...]:
 
 def usual_designs(name: str, spec: Mapping[str, Any]) -> tuple[Design, ...]:
     """The designs that a comparison shows where none is asked for, the best informed one first."""
-    if not drawn_by(spec):
+    if not drawn_by(spec) or CONTROLLERS[name].learns:
         return (NOMINAL,)
     return (DRAWN,) if CONTROLLERS[name].plays else (EACH, NOMINAL)
 
@@ -67,29 +68,35 @@ def designed(
         design = usual_designs(name, spec)[0]
     drawn = drawn_by(spec)
     if isinstance(design, Mapping):
-        belief = believed(env, spec, design)
-        return _law(name, json.dumps(belief, sort_keys=True)), design_text(design)
+        return made(law, believed(spec, design)), design_text(design)
     if design == NOMINAL or (design in (EACH, DRAWN) and not drawn):
-        return law(with_parameters(spec, {}) if law.plays else spec), NOMINAL
+        return made(law, with_parameters(spec, {}) if law.plays else spec), NOMINAL
     if design == DRAWN and law.plays:
-        return law(spec), DRAWN
+        return made(law, spec), DRAWN
     if design == EACH:
         return EachEpisode(law, spec, drawn), EACH
     words = f"{DRAWN!r}, " if law.plays else ""
     raise refused("design", design, f"{NOMINAL!r}, {EACH!r}, {words}or keywords of {env_id}")
 
 
-@lru_cache(maxsize=32)
-def _law(name: str, spec: str) -> Controller:
-    """A controller for a spec in JSON. Studies ask for the same one in case after case, and a gait
-    takes seconds to be found; a controller remembers nothing, so that one serves them all.
-    """
+def made(law: type[Controller], spec: Mapping[str, Any]) -> Controller:
+    """A controller for a spec; one that is found by playing is found once and kept."""
+    if not law.plays:
+        return law(dict(spec))
+    needed = ("id", "machine", "config", "observation", "parameters")
+    return _found(law.name, json.dumps({name: spec[name] for name in needed}, sort_keys=True))
+
+
+@functools.lru_cache(maxsize=32)
+def _found(name: str, spec: str) -> Controller:
     return CONTROLLERS[name](json.loads(spec))
 
 
 def design_of(controller: Controller, spec: Mapping[str, Any]) -> str:
     """What a controller that is there was designed for, seen from an environment."""
     mine, here = controller.config, spec["config"]
+    if controller.plays and mine.get("randomize"):
+        return DRAWN
     names = [parameter["name"] for parameter in spec["parameters"]]
     changed = {k: mine[k] for k in names if k in mine and mine[k] != here.get(k)}
     return design_text(changed) if changed else NOMINAL
@@ -100,14 +107,14 @@ def with_parameters(spec: Mapping[str, Any], values: Mapping[str, float]) -> dic
     return {**spec, "config": {**spec["config"], **values, "randomize": {}}}
 
 
-def believed(env: AnyEnv, spec: Mapping[str, Any], keywords: Mapping[str, Any]) -> dict[str, Any]:
+def believed(spec: Mapping[str, Any], keywords: Mapping[str, Any]) -> dict[str, Any]:
     """The spec of the environment as a controller believes it to be.
 
     Raises
     ------
     ParameterError: keywords that it does not take
     """
-    config = {k: v for k, v in spec["config"].items() if k not in ("stepper", "physics_dt")}
+    config = {k: v for k, v in spec["config"].items() if k not in DERIVED}
     fixed = {k: v for k, v in config["randomize"].items() if k not in keywords}
     belief: dict[str, Any] = _native.Batch(
         spec["id"], 1, {**config, "randomize": fixed, **keywords}
@@ -136,7 +143,7 @@ class EachEpisode:
             key = tuple(float(value) for value in row)
             if key not in known:
                 values = dict(zip(self.drawn, key, strict=True))
-                known[key] = self.law(with_parameters(self.spec, values))
+                known[key] = made(self.law, with_parameters(self.spec, values))
             self.laws.append(known[key])
 
     def predict(

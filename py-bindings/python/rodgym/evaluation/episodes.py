@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 from rodgym import _checks as checks
 from rodgym import machines
 from rodgym._layers import is_unknown, layers
+from rodgym._registration import REMOTE
 from rodgym.baselines import Controller
 from rodgym.errors import ParameterError
+from rodgym.evaluation.best_known import best_known
 from rodgym.evaluation.conditions import conditions, make_batch, needs_end
 from rodgym.evaluation.design import Design, EachEpisode, drawn_by
 from rodgym.evaluation.policies import ready
@@ -35,7 +37,9 @@ class Evaluation:
 
     ``design`` says what a controller was designed for (``nominal``, ``each``, keywords), and of a
     trained policy what was otherwise in its training (``trained: width=0.007``); ``parameters`` are
-    the physical parameters that the episodes drew; ``trajectories`` are kept where asked for.
+    the physical parameters that the episodes drew; ``best_known`` is the best mean return that
+    anybody has found there, where one is kept (:mod:`rodgym.evaluation.best_known`);
+    ``trajectories`` are kept where asked for.
     """
 
     policy: str
@@ -46,6 +50,7 @@ class Evaluation:
     design: str = ""
     parameters: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
     env_kwargs: Mapping[str, Any] = field(default_factory=dict)
+    best_known: float | None = None
     trajectories: tuple[Trajectories, ...] = ()
 
     def mean(self, name: str) -> float:
@@ -159,6 +164,8 @@ def evaluate(
             for name in drawn_by(spec)
         },
         env_kwargs=keywords,
+        # A reward of somebody's own has another best.
+        best_known=best_known(spec) if env_id in (spec["id"], REMOTE) else None,
         trajectories=tuple(turns) if trajectories else (),
     )
 

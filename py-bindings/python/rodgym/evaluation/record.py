@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import gymnasium as gym
@@ -26,7 +26,8 @@ class Record:
     ``spec`` is what the core says of the environment; ``time`` (T,) [s] is that at the end of each
     step; ``angles`` (T, edges) [rad] are those of :func:`edge_angles` from the machine's rest,
     whatever the policy sees; ``metrics`` are (T,) each; ``frames`` are pictures, ``frame_dt``
-    apart, the first one of the start.
+    apart, the first one of the start. ``parameters`` are the episode's; ``estimates`` are what a
+    policy that learns them has found by then: (T, 3), best value and the ends of an interval.
     """
 
     policy: str
@@ -39,6 +40,10 @@ class Record:
     metrics: Mapping[str, NDArray[np.float64]]
     frames: list[NDArray[np.uint8]]
     frame_dt: float
+    #: As that of an `Evaluation`.
+    design: str = ""
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    estimates: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
 
 
 def record(
@@ -82,7 +87,8 @@ def record(
             needs_end(env)
         player = ready(policy, env, env_id, design, normalize)
         label = label_of(policy, name)
-        return _record(player.policy, env, seed, label, frame_rate, max_seconds)
+        episode = _record(player.policy, env, seed, label, frame_rate, max_seconds)
+        return replace(episode, design=player.design)
     finally:
         env.close()
 
@@ -108,10 +114,14 @@ def _record(
     actions: list[NDArray[np.float32]] = []
     angles: list[NDArray[np.float64]] = []
     metrics: dict[str, list[float]] = {}
+    estimate = getattr(actor, "estimate", None)
+    estimates: dict[str, list[NDArray[np.float64]]] = {}
     over = False
     while not over and len(rewards) * dt < max_seconds:
         (action,), state = ask(actor, observation[np.newaxis], state, start)
         start = np.zeros(1, bool)
+        for key, row in (estimate(state) if estimate else {}).items():
+            estimates.setdefault(key, []).append(row[0])
         observation, reward, terminated, truncated, info = env.step(action)
         over = terminated or truncated
         rewards.append(float(reward))
@@ -133,6 +143,8 @@ def _record(
         metrics={key: np.array(values) for key, values in metrics.items()},
         frames=frames,
         frame_dt=every * dt,
+        parameters={name: float(value[0]) for name, value in drawn.items()},
+        estimates={key: np.array(rows) for key, rows in estimates.items()},
     )
 
 

@@ -66,6 +66,8 @@ def notes(evaluations: Sequence[Evaluation]) -> list[str]:
         told.append("nominal: designed for the environment's own parameters, whatever is drawn")
     if DRAWN in designs:
         told.append("drawn: found by playing episodes whose parameters are drawn as here")
+    if (best := evaluations[0].best_known) is not None:
+        told.append(f"best known return here: {best:.1f}")
     if any(design.startswith("trained:") for design in designs):
         told.append("trained: what was otherwise in its training than it is here")
     return told

@@ -25,9 +25,6 @@ from rodgym.study.spec import Case, StudyError
 #: What Ray's tools and `ps` call a running case.
 TASK = "rodgym-case"
 
-#: What a policy's files are called on a worker.
-NAMES = ("policy.zip", STATISTICS)
-
 #: How often a case is run again after its worker or machine died: a case that kills its worker
 #: every time must not go on for ever.
 RETRIES = 5
@@ -57,7 +54,7 @@ def _rows(
     # Other machines do not have the files of this one.
     files = {policy: policy_files(policy) for policy in {case["policy"] for _, case in cases}}
     contents: dict[str, Any] = {
-        policy: ray.put(dict(zip(NAMES, (f.read_bytes() for f in own), strict=False)))
+        policy: ray.put({name_of(file): file.read_bytes() for file in own})
         for policy, own in files.items()
     }
     waiting = iter(cases)
@@ -78,6 +75,11 @@ def _rows(
         # The study was stopped; the cluster may go on.
         for reference in running:
             ray.cancel(reference)
+
+
+def name_of(file: Path) -> str:
+    """What a policy's file is called on a worker, where the policy itself comes first."""
+    return file.name if file.name == STATISTICS else f"policy{file.suffix}"
 
 
 def _result(reference: Any, case: Case) -> Row:
@@ -106,4 +108,4 @@ def _run(case: Case, files: dict[str, bytes], version: str) -> Row:
     with tempfile.TemporaryDirectory(prefix="rodgym-") as folder:
         for name, content in files.items():
             (Path(folder) / name).write_bytes(content)
-        return run_case({**case, "policy": str(Path(folder) / NAMES[0])})
+        return run_case({**case, "policy": str(Path(folder) / next(iter(files)))})

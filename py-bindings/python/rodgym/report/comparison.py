@@ -13,11 +13,14 @@ from numpy.typing import NDArray
 from rodgym import _checks as checks
 from rodgym import machines
 from rodgym.evaluation import Evaluation, Policy, Record, evaluate, record, statistics
+from rodgym.evaluation.conditions import make_single
 from rodgym.evaluation.design import Design
 from rodgym.evaluation.pooled import pooled, scores
 from rodgym.evaluation.trajectories import write_trajectories
+from rodgym.extras import installed
 from rodgym.report import animation, plots
 from rodgym.report import statistics as pictures
+from rodgym.report.players import Player, describe
 from rodgym.runs import Run, write_csv
 
 if TYPE_CHECKING:
@@ -61,6 +64,7 @@ class Comparison:
     env_kwargs: Mapping[str, Any]
     evaluations: tuple[Evaluation, ...]
     records: tuple[Record, ...]
+    players: tuple[Player, ...]
     #: Trainings whose curves are shown: none, one, or several that differ in their seeds.
     trainings: tuple[Training, ...]
     #: What several trainings of one recipe tell, a line each.
@@ -81,10 +85,11 @@ def compare(
     """Evaluates all on the same seeds, then writes tables, plots and the animation.
 
     Files: ``scores.csv`` (one row per policy and seed), ``episode.csv`` (the steps of the episode
-    that is shown), ``scores.png``, ``episode.png``, ``animation.gif`` and, with trainings,
-    ``learning_curve.png``; where an entrant was trained several times, ``intervals.png`` and
-    ``profiles.png``; and the machine's own pictures. With `trajectories`, ``"csv"`` or
-    ``"parquet"``, every step of every episode too.
+    that is shown), ``scores.png``, ``episode.png``, ``moment.png``, ``animation.gif``, where
+    imageio-ffmpeg is installed ``animation.mp4``, with trainings ``learning_curve.png``; where an
+    entrant was trained several times, ``intervals.png`` and ``profiles.png``; with a policy that
+    learns its machine ``estimates.png``; and the machine's own pictures. With `trajectories`,
+    ``"csv"`` or ``"parquet"``, every step of every episode too.
     """
     began = time.perf_counter()
     seeds = checks.seeds(seeds)
@@ -118,27 +123,39 @@ def compare(
     if trajectories is not None:
         write_trajectories(run.file(f"trajectories.{trajectories}"), evaluations)
     _write_episode(run, records)
+    env = make_single(env_id, kwargs)
+    try:
+        players = tuple(describe(e, env, env_id) for e in entrants)
+    finally:
+        env.close()
     plots.distributions(run.file("scores.png"), evaluations)
     plots.episodes(run.file("episode.png"), records)
+    if plots.learned(records):
+        plots.estimates(run.file("estimates.png"), records)
+    plots.moment(run.file("moment.png"), records)
     for own in machines.of(records[0].spec).pictures:
         own.draw(run.file(own.file), records, evaluations)
-    animation.write_gif(
-        run.file("animation.gif"), animation.side_by_side(records), records[0].frame_dt
-    )
+    frames = animation.side_by_side(records)
+    animation.write_gif(run.file("animation.gif"), frames, records[0].frame_dt)
+    if installed("imageio_ffmpeg"):
+        animation.write_mp4(run.file("animation.mp4"), frames, records[0].frame_dt)
     if trainings:
-        _draw_learning(run, trainings, entrants, env_id, kwargs)
+        _draw_learning(run, trainings, entrants, evaluations, env_id, kwargs)
     grouped = {e.name: scores(found) for e, found in zip(entrants, singles, strict=True)}
     lines: tuple[str, ...] = ()
     if any(len(found) > 1 for found in singles):
         lines = several_trainings(run, grouped)
     seconds = time.perf_counter() - began
-    return Comparison(env_id, kwargs, evaluations, records, tuple(trainings), lines, seconds)
+    return Comparison(
+        env_id, kwargs, evaluations, records, players, tuple(trainings), lines, seconds
+    )
 
 
 def _draw_learning(
     run: Run,
     trainings: Sequence[Training],
     entrants: Sequence[Entrant],
+    evaluations: Sequence[Evaluation],
     env_id: str,
     kwargs: Mapping[str, Any],
 ) -> None:
@@ -151,6 +168,9 @@ def _draw_learning(
         )
         for e in entrants[1:]
     }
+    best = evaluations[0].best_known
+    if best is not None:
+        levels["best known"] = best
     path = run.file("learning_curve.png")
     if len(trainings) == 1:
         (training,) = trainings

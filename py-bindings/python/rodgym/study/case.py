@@ -95,8 +95,8 @@ def start_state(spec: Mapping[str, Any], given: Mapping[str, float]) -> dict[str
 
 
 def policy_files(policy: str) -> tuple[Path, ...]:
-    """The files of a trained policy: itself, and its statistics where they lie beside it; none for
-    a policy that every rodgym has, or that is a class of the user's own.
+    """The files of a trained policy: itself, and what lies beside it (statistics, the card of an
+    ONNX file); none for a policy that every rodgym has, or that is a class of the user's own.
 
     Raises:
         PolicyError: neither a name nor a file.
@@ -104,8 +104,8 @@ def policy_files(policy: str) -> tuple[Path, ...]:
     if is_zoo(policy) or policy in controller_names() or is_named(policy):
         return ()
     file = find(policy)
-    statistics = statistics_file(file)
-    return (file,) if statistics is None else (file, statistics)
+    beside = file.with_suffix(".json") if file.suffix == ".onnx" else statistics_file(file)
+    return (file,) if beside is None else (file, beside)
 
 
 def _below(prefix: str, case: Case) -> dict[str, Any]:

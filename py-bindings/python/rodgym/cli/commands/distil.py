@@ -26,7 +26,7 @@ SUMMARY = "teach a student what a controller does that sees more"
 EXAMPLES = """
 rodgym distil
 rodgym distil --recipe unknown-e --seed 3 --name soft-or-stiff
-rodgym distil --set net=gru --set frames=1 --set batch_size=32 --set batches=60
+rodgym distil --set net=gru --rounds 20
 rodgym distil --fine-tune ppo --from runs/soft-or-stiff
 rodgym distil --env-arg actuator_delay=0.01 --set lost_samples=0.25
 """
@@ -117,8 +117,6 @@ def teach(args: argparse.Namespace, folder: Run) -> str | None:
     """Teaches a student; returns its file, or None where Ctrl-C ended it early."""
     from rodgym.distil import distil, load_recipe
 
-    if not args.force and not args.resume:
-        folder.keep_policy()
     changes = dict(args.changes)
     changes |= {name: value for name in ("teacher", "rounds") if (value := getattr(args, name))}
     made = distil(
@@ -128,6 +126,7 @@ def teach(args: argparse.Namespace, folder: Run) -> str | None:
         seed=args.seed,
         env_kwargs=env_keywords(args.env, args.env_arg),
         resume=args.resume,
+        force=args.force,
     )
     folder.facts |= {"env": args.env, "seed": made.seed, "recipe": made.recipe.as_dict()}
     folder.write_facts()
