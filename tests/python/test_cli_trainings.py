@@ -52,7 +52,7 @@ def test_several_trainings_are_one_row_with_intervals(capsys: pytest.CaptureFixt
     row = next(line for line in shown.splitlines() if line.startswith("PPO, 2 training seeds"))
     assert f"{mean:.1f}" in row
     assert "PPO, 2 training seeds: interquartile mean" in shown
-    assert "PPO, 2 training seeds returns more than LQR with probability" in shown
+    assert "PPO returns more than LQR with probability" in shown
     facts = json.loads((folder / "run.json").read_text())
     assert facts["training_seeds"] == [3, 4]
     page = (folder / "report.html").read_text()

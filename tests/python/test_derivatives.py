@@ -60,7 +60,7 @@ def test_vectors_go_round_and_say_what_they_are_not():
     assert twin.get_vector().tobytes() == rod.get_vector().tobytes()
     with pytest.raises(ShapeError, match=r"\(24,\) is needed"):
         rod.set_vector([1.0, 2.0])
-    with pytest.raises(ParameterError, match="x = nan"):
+    with pytest.raises(ParameterError, match="x = NaN"):
         rod.set_vector(np.full(24, np.nan))
     with pytest.raises(ParameterError, match="neighbouring"):
         rod.set_vector(np.zeros(24))
@@ -140,6 +140,16 @@ def test_members_of_a_batch_have_the_same_bits():
     member = envs.call("step_jacobian", [0.1])[2]
     for ours, theirs in zip(member, alone.step_jacobian([0.1]), strict=True):
         assert ours.tobytes() == theirs.tobytes()
+    batch = envs.unwrapped
+    actions = np.float32([[0.5], [-0.2], [0.1]])
+    for ours, theirs in zip(batch.step_jacobian(actions), member, strict=True):
+        assert ours.shape == (3, *theirs.shape) and ours[2].tobytes() == theirs.tobytes()
+    plans = np.stack([actions, -actions, 0.3 * actions])
+    theirs = alone.rollout_gradient(plans[2])
+    for ours, own in zip(batch.rollout_gradient(plans), theirs, strict=True):
+        assert ours.shape == (3, *own.shape) and ours[2].tobytes() == own.tobytes()
+    with pytest.raises(ShapeError, match="each of 3 environments"):
+        batch.step_jacobian([[0.5]])
 
 
 def test_instruction_sets_have_the_same_bits():

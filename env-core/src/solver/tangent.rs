@@ -251,8 +251,8 @@ impl<R: Real> Flow<R> {
             self.before[0].copy_from_slice(&self.start[0]);
             self.before[1].copy_from_slice(&self.start[1]);
         }
-        // Solved for the acceleration, by which a motion without it lacks forces: nothing cancels so. Forces of that
-        // motion are those at its end, with its velocity at the start.
+        // Solved for the acceleration, from the forces on a motion without any, which would end at `x` with the velocity
+        // of the start: so nothing cancels.
         let h = R::splat(stage.h);
         self.work.fill(Vec2::zero());
         linear.damp(&self.origin[0], &mut self.work);

@@ -40,7 +40,8 @@ def comparison_table(evaluations: Sequence[Evaluation]) -> str:
         return "  ".join([*left, *(text.rjust(width) for text, width in cells[words:])])
 
     rule = "-" * (sum(widths) + 2 * (len(widths) - 1))
-    seeds, env_id = evaluations[0].seeds, evaluations[0].env_id
+    # Several trainings in one row have every seed several times.
+    seeds, env_id = tuple(dict.fromkeys(evaluations[0].seeds)), evaluations[0].env_id
     count = f"mean of {len(seeds)} episodes, seeds {seeds[0]} to {seeds[-1]}, {env_id}"
     lines = [line(row) for row in rows]
     return "\n".join([*lines[:2], rule, *lines[2:], count, *notes(evaluations)])

@@ -95,7 +95,8 @@ LENGTH = Column("length", "length", "duration of the episode", duration, "s")
 def mean_returns(evaluations: Sequence[Evaluation]) -> str:
     """A comparison in one sentence: the returns."""
     parts = [f"{e.policy} earns {e.mean('return'):.2f}" for e in evaluations]
-    return f"Mean return over {len(evaluations[0].seeds)} episodes: " + ", ".join(parts) + "."
+    count = len(set(evaluations[0].seeds))
+    return f"Mean return over {count} episodes: " + ", ".join(parts) + "."
 
 
 @dataclass(frozen=True)

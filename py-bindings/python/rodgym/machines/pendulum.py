@@ -112,13 +112,12 @@ COLUMNS = (
 
 def verdict(evaluations: Sequence[Evaluation]) -> str:
     """Who stands, and how soon."""
-    count = len(evaluations[0].seeds)
     parts = []
     for e in evaluations:
         when = e.mean("time_to_upright")
         took = "" if np.isnan(when) else f", up after {when:.1f} s on average"
         up = int(e.columns["upright"].sum())
-        parts.append(f"{e.policy} stands at the end of {up} of {count} episodes{took}")
+        parts.append(f"{e.policy} stands at the end of {up} of {len(e.seeds)} episodes{took}")
     return "; ".join(parts) + "."
 
 

@@ -141,7 +141,7 @@ def compare(
         animation.write_mp4(run.file("animation.mp4"), frames, records[0].frame_dt)
     if trainings:
         _draw_learning(run, trainings, entrants, evaluations, env_id, kwargs)
-    grouped = {e.policy: scores(found) for e, found in zip(evaluations, singles, strict=True)}
+    grouped = {e.name: scores(found) for e, found in zip(entrants, singles, strict=True)}
     lines: tuple[str, ...] = ()
     if any(len(found) > 1 for found in singles):
         lines = several_trainings(run, grouped)
@@ -196,7 +196,8 @@ def several_trainings(run: Run, grouped: Mapping[str, NDArray[np.float64]]) -> t
     first, *others = grouped
     for name, found in grouped.items():
         about = statistics.summary(found)
-        text = f"{name}: interquartile mean {about.interquartile_mean}, mean {about.mean}"
+        who = several(name, about.trained) if about.trained > 1 else name
+        text = f"{who}: interquartile mean {about.interquartile_mean}, mean {about.mean}"
         lines.append(f"{text}, median {about.median}")
     for name in others:
         better = statistics.probability_of_improvement(grouped[first], grouped[name])

@@ -33,7 +33,7 @@ def write_page(run: Run, comparison: Comparison) -> Path:
         about=about,
         seed=first.seed,
         learned=bool(learned(comparison.records)),
-        seeds=evaluations[-1].seeds,
+        seeds=tuple(dict.fromkeys(evaluations[0].seeds)),
         columns=evaluations[0].described,
         rows=_rows(evaluations),
         designs=shows_designs(evaluations),

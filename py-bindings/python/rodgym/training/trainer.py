@@ -259,7 +259,8 @@ class Keeper:
         """Saves the best stage, the curve and how far the training came."""
         model, path = watch.model, self.run.file(POLICY)
         model.policy.load_state_dict(watch.best_parameters)
-        card = {**self._card(watch), "interrupted": interrupted}
+        seconds = round(watch.seconds, 2)
+        card = {**self._card(watch), "seconds": seconds, "interrupted": interrupted}
         save(model, path, card, watch.best_statistics)
         write_csv(self.run.file("learning_curve.csv"), watch.columns, watch.curve)
         if not interrupted:
@@ -272,7 +273,7 @@ class Keeper:
             columns=watch.columns,
             curve=watch.curve,
             best_steps=watch.best_steps,
-            seconds=watch.seconds,
+            seconds=seconds,
             steps=model.num_timesteps,
             interrupted=interrupted,
         )
@@ -291,7 +292,6 @@ class Keeper:
             "seed": self.job.seed,
             "steps": watch.model.num_timesteps,
             "best_steps": watch.best_steps,
-            "seconds": round(watch.seconds, 2),
             "versions": versions(),
         }
 
