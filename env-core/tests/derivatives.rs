@@ -281,7 +281,7 @@ fn a_vector_is_the_whole_state() {
 fn all_columns_of_many_nodes() {
     for stepper in STEPPERS {
         for (nodes, seed) in [(16, 1), (31, 2)] {
-            let given = keywords(stepper, nodes, if stepper == "verlet" { 4e-6 } else { 2e-3 });
+            let given = keywords(stepper, nodes, if stepper == "verlet" { 1e-6 } else { 2e-3 });
             let off = check(&given, &moving(&given, seed), 4);
             println!("{stepper}, {nodes} nodes: {off:.1e}");
         }
