@@ -70,14 +70,14 @@ fn pendulums() -> Vec<Value> {
         json!({"stepper": "backward_euler", "physics_dt": 5e-4, "observation": "base",
                "sensor_noise": {"angle": 1e-3, "rate": 1e-2}}),
         json!({"nodes": 2, "torque_disturbance": 0.02}),
-        json!({"start_angle": [-3.0, 3.0], "start_rate": [-5.0, 5.0], "actuator_gain": 0.8,
-               "push": {"torque": 0.1, "start": 0.055, "duration": 0.05}}),
         json!({"nodes": 21, "damping": 0.01, "bending_damping": 1e-3, "actuator_delay": 0.0306,
                "physics_dt": 2e-4, "control_dt": 0.02}),
         json!({"youngs_modulus": 1e9, "width": 0.004, "observation": "base"}),
         json!({"randomize": {"width": [0.006, 0.009], "length": [0.25, 0.35],
                "torque_limit": ["log_uniform", 0.02, 0.1]}, "start_angle": [-3.0, 3.0],
                "start_bend": [-1.0, 1.0], "gravity": 1.6}),
+        json!({"start_angle": [-3.0, 3.0], "start_rate": [-5.0, 5.0], "actuator_gain": 0.8,
+               "push": {"torque": 0.1, "start": 0.055, "duration": 0.05}}),
     ]
 }
 
@@ -92,12 +92,12 @@ fn fins() -> Vec<Value> {
     all.extend([
         json!({"observation": "camera", "sensor_noise": {"angle": 1e-2, "rate": 1e-1}}),
         json!({"command_cutoff": null, "pitch_limit": 0.2, "youngs_modulus": 1e6}),
-        json!({"actuator_gain": 1.2, "command_disturbance": 0.1}),
         json!({"command_cutoff": 5.0, "power_weight": 0.3, "start_pitch": [-0.3, 0.3], "demand": [0.05, 0.3],
                "actuator_delay": 0.05, "physics_dt": 2e-3}),
         json!({"geometry": {"edge_length": 0.025, "height": 0.08, "pivot": 1,
                             "widths": [0.01, 0.012, 0.012, 0.01, 0.006, 0.0]},
                "stiffness_profile": [1.0, 1.0, 2.0, 1.0, 0.5, 1.0], "bending_damping": 2e-3, "damping": 0.05}),
+        json!({"actuator_gain": 1.2, "command_disturbance": 0.1}),
     ]);
     all
 }

@@ -33,7 +33,7 @@ fn keywords(more: &Value) -> Map<String, Value> {
 }
 
 /// Three environments in motion.
-fn moving(task: &SwingUp, given: &Map<String, Value>) -> impl VectorEnv {
+fn moving(task: &SwingUp, given: &Map<String, Value>) -> Batch<Pendulum, f64> {
     let options = BatchOptions {
         num_envs: 3,
         autoreset_mode: AutoresetMode::Disabled,
@@ -55,7 +55,7 @@ fn moving(task: &SwingUp, given: &Map<String, Value>) -> impl VectorEnv {
 }
 
 /// What one environment is: its plant and its random stream.
-fn inside(env: &impl VectorEnv, machine: &Pendulum) -> (Plant<f64>, Stream) {
+fn inside(env: &Batch<Pendulum, f64>, machine: &Pendulum) -> (Plant<f64>, Stream) {
     let saved = env.get_state(INDEX).expect("it has one");
     let saved = Snapshot::decode(&saved, env.spec()).expect("it is its own");
     let mut plant = machine.new_plant::<f64>();
@@ -217,7 +217,8 @@ fn the_gradient_of_an_episode_is_that_of_small_differences() {
         let env = moving(&task, &given);
         let machine = Pendulum::new(&task.setup(), &given).expect("allowed");
         let (plant, stream) = inside(&env, &machine);
-        let actions: Vec<f32> = (0..12).map(|t| (t as f32 * 0.7).sin()).collect();
+        // (So weak that the rate term stays away from where it is full.)
+        let actions: Vec<f32> = (0..12).map(|t| 0.3 * (t as f32 * 0.7).sin()).collect();
         let names = ["width".into(), "torque_limit".into()];
         let found = env.rollout_gradient(INDEX, &actions, &names).expect("it steps");
         let [rewards, by_actions, by_state, by_parameters] = &found[..] else {
@@ -249,9 +250,7 @@ fn the_gradient_of_an_episode_is_that_of_small_differences() {
                 actions[t] += h;
                 total(plant.clone(), &actions)
             });
-            if actions[t].abs() < 0.97 {
-                check(format!("action {t}"), by_actions, t, other);
-            }
+            check(format!("action {t}"), by_actions, t, other);
         }
         for j in (0..12).chain(18..by_state.values.len()) {
             let h = if j < 6 { 2e-4 } else { 0.05 };
@@ -263,7 +262,7 @@ fn the_gradient_of_an_episode_is_that_of_small_differences() {
             check(format!("state {j}"), by_state, j, other);
         }
         for (j, place) in [0, 7].into_iter().enumerate() {
-            let other = slope(0.02 * plant.parameters[place], &|h| {
+            let other = slope(0.004 * plant.parameters[place], &|h| {
                 let mut plant = plant.clone();
                 plant.parameters[place] += h;
                 let rod = rodgym_core::pendulum::config::uniform(4, &plant.parameters);

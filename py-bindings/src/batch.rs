@@ -338,7 +338,7 @@ impl Batch {
         given.copy_to(&mut action);
         let mut guard = self.lock(py)?;
         let env = &mut guard.env;
-        named(py, py.detach(|| env.step_jacobian(index, &action, &parameters)).or_raise()?)
+        named(py, py.detach(move || env.step_jacobian(index, &action, &parameters)).or_raise()?)
     }
 
     /// Gradients of the sum of rewards that environment `index` would get for `actions` (t, a): by `actions` (t, a),
@@ -356,7 +356,7 @@ impl Batch {
         given.copy_to(&mut actions);
         let mut guard = self.lock(py)?;
         let env = &mut guard.env;
-        named(py, py.detach(|| env.rollout_gradient(index, &actions, &parameters)).or_raise()?)
+        named(py, py.detach(move || env.rollout_gradient(index, &actions, &parameters)).or_raise()?)
     }
 
     /// An exact copy of what runs in environment `index`: stepping it leaves the environment alone.

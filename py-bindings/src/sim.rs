@@ -121,7 +121,7 @@ impl Simulation {
         let machine = self.lock(py)?.copy();
         // (Few steps are not worth a thread that looks out for Ctrl-C.)
         if n <= AT_ONCE {
-            let found = py.detach(|| machine.jacobian(input, n, &parameters, Watch::nobody()));
+            let found = py.detach(move || machine.jacobian(input, n, &parameters, Watch::nobody()));
             return named(py, found.or_raise()?);
         }
         let (found, interrupt) =

@@ -1,4 +1,4 @@
-"""How much may go wrong: `make robustness`, or `python tests/long/robustness.py --seeds 20`.
+"""How much may go wrong: `make robustness`, or `python tests/long/robustness.py --seeds 10`.
 
 Measures the regulators and the trained policy of the swing-up, and writes figure and table of
 docs/robustness.md. What was stopped goes on where it was (runs/robustness/table.csv).
@@ -65,7 +65,7 @@ def written(page: str, part: str) -> str:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=positive, default=20)
+    parser.add_argument("--seeds", type=positive, default=10)
     parser.add_argument("--workers", type=positive, default=1)
     parser.add_argument("--runs", default="runs")
     args = parser.parse_args()

@@ -60,7 +60,7 @@ def test_vectors_go_round_and_say_what_they_are_not():
     assert twin.get_vector().tobytes() == rod.get_vector().tobytes()
     with pytest.raises(ShapeError, match=r"\(24,\) is needed"):
         rod.set_vector([1.0, 2.0])
-    with pytest.raises(ParameterError, match="x = nan"):
+    with pytest.raises(ParameterError, match="x = NaN"):
         rod.set_vector(np.full(24, np.nan))
     with pytest.raises(ParameterError, match="neighbouring"):
         rod.set_vector(np.zeros(24))

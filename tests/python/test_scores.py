@@ -609,6 +609,20 @@ def test_best_known_returns_stand_in_the_table_where_they_are_known(tmp_path, mo
 # ----- the report as evidence
 
 
+def test_a_verdict_counts_the_episodes_of_each_policy():
+    """Several trainings in one row have several times as many; the LQR stood "12 of 36" times."""
+    from rodgym import machines
+    from rodgym.evaluation import comparison_table
+    from rodgym.evaluation.pooled import pooled
+
+    lqr = evaluate("lqr", ENV, range(2), name="LQR")
+    twice = pooled([lqr, lqr], "twice")
+    said = machines.of({"machine": "pendulum"}).verdict([twice, lqr])
+    assert "twice stands at the end of 4 of 4 episodes" in said
+    assert "LQR stands at the end of 2 of 2 episodes" in said
+    assert "mean of 2 episodes, seeds 0 to 1," in comparison_table([twice, lqr])
+
+
 def test_a_report_says_who_plays_what_is_paid_and_how_it_was_made():
     text = "randomize={'width': (0.006, 0.010)}"
     learner = learn(make_vec_env(ENV, 2, 0), gamma=0.97)

@@ -29,6 +29,7 @@ def pooled(evaluations: Sequence[Evaluation], name: str) -> Evaluation:
         design=first.design,
         parameters={key: joined("parameters", key) for key in first.parameters},
         env_kwargs=first.env_kwargs,
+        best_known=first.best_known,
         trajectories=tuple(t for evaluation in evaluations for t in evaluation.trajectories),
     )
 

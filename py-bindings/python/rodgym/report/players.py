@@ -58,18 +58,25 @@ def describe(entrant: Any, env: Any, env_id: str) -> Player:
     while hasattr(model, "policy") and not hasattr(model, "get_env"):
         behind.append(type(model).__name__.lower())
         model = model.policy
-    return trained(entrant, model, behind, card_of(entrant.policy, env))
+    cards = [card_of(source, env) for source in (entrant.policy, *entrant.others)]
+    return trained(entrant, model, behind, cards)
 
 
-def trained(entrant: Any, model: Any, behind: list[str], card: Mapping[str, Any]) -> Player:
-    """A trained policy, or one of somebody's own: where it comes from, and how it was trained."""
+def trained(entrant: Any, model: Any, behind: list[str], cards: list[dict[str, Any]]) -> Player:
+    """A trained policy, or one of somebody's own: where it comes from, and how it was trained.
+
+    Several trainings of one recipe have a card each.
+    """
+    card = cards[0]
     facts = {}
     if "env" in card:
         keywords = card.get("env_kwargs") or {}
         facts["trained in"] = " ".join([card["env"], *([words(keywords)] if keywords else [])])
     for key, what in (("steps", "steps"), ("best_steps", "kept at step"), ("seed", "seed")):
-        if key in card:
-            facts[what] = str(card[key]) if key == "seed" else f"{card[key]:,}"
+        values = [one[key] for one in cards if key in one]
+        if values:
+            texts = [str(v) if key == "seed" else f"{v:,}" for v in values]
+            facts[what] = "; ".join(dict.fromkeys(texts) if key == "steps" else texts)
     if behind:
         facts["sees"] = f"observations {' and '.join(behind)}"
     if card.get("versions"):

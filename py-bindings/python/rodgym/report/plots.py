@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from textwrap import fill
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -16,6 +17,8 @@ from rodgym.evaluation import Evaluation, Record
 from rodgym.machines import Description
 from rodgym.report.style import COLOURS, FAINT, GRID, INK, level, styled
 
+#: Letters in a line of a policy's name below its dots.
+NAME_WIDTH = 10
 #: An episode whose edges turn so many times as far as another's has a scale of its own.
 SPINNING = 3.0
 
@@ -243,7 +246,7 @@ def distributions(path: Path, evaluations: Sequence[Evaluation]) -> None:
     described = [c for c in evaluations[0].described if c.better and not c.success]
     rng = np.random.default_rng(0)
     # Room for the names below the dots.
-    wide = max(2.6, 0.11 * sum(2 + len(e.policy) for e in evaluations))
+    wide = max(2.6, 0.11 * sum(2 + min(NAME_WIDTH, len(e.policy)) for e in evaluations))
     with styled():
         figure, grid = plt.subplots(
             1, len(described), figsize=(wide * len(described), 3.4), squeeze=False
@@ -269,17 +272,20 @@ def distributions(path: Path, evaluations: Sequence[Evaluation]) -> None:
             axes.set_title(column.title)
             axes.set_ylabel(column.unit)
             axes.set_xticks(
-                range(len(evaluations)), [e.policy.replace(" ", "\n") for e in evaluations]
+                range(len(evaluations)), [fill(e.policy, NAME_WIDTH) for e in evaluations]
             )
+            # What differs by less than a table shows is no difference.
+            low, high = axes.get_ylim()
+            least = 4 * 10.0**-column.digits
+            if high - low < least:
+                middle = (low + high) / 2
+                axes.set_ylim(middle - least / 2, middle + least / 2)
+            axes.ticklabel_format(axis="y", useOffset=False)
             axes.set_xlim(-0.6, len(evaluations) - 0.4)
             axes.grid(axis="x", visible=False)
             axes.margins(y=0.15)
-            axes.annotate(
+            axes.set_xlabel(
                 {"high": "higher is better", "low": "lower is better"}[column.better],
-                (0.5, -0.22),
-                xycoords="axes fraction",
-                ha="center",
-                va="top",
                 fontsize=8,
                 color=FAINT,
             )

@@ -68,7 +68,9 @@ def intervals(path: Path, scores: Mapping[str, Scores], label: str = "return") -
         axes.invert_yaxis()
         axes.margins(y=0.35)
         axes.grid(axis="y", visible=False)
-        axes.set_xlabel(f"{label}: interquartile mean (|) with 95 % interval, mean (o), median (x)")
+        axes.set_xlabel(
+            f"{label}: interquartile mean (|), its 95 % interval,\nmean (o), median (x)"
+        )
         figure.savefig(path)
         plt.close(figure)
 
@@ -118,7 +120,8 @@ def _band(
 def _named(name: str, scores: Scores) -> str:
     """A policy's name; how often it was trained where that is more than once."""
     trained = min(len(part) for part in statistics.strata(scores))
-    return f"{name} ({_seeds(trained)})" if trained > 1 else name
+    told = trained == 1 or _seeds(trained) in name
+    return name if told else f"{name} ({_seeds(trained)})"
 
 
 def _seeds(count: int) -> str:

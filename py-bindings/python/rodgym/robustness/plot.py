@@ -28,11 +28,12 @@ def draw(result: Robustness, path: Path) -> None:
         for axes, quantity in zip(cells, result.quantities, strict=False):
             values = result.values(quantity.name)
             axes.axvline(quantity.nominal, color=FAINT, lw=1, ls=(0, (5, 3)))
-            for i in range(len(result.policies)):
+            count = len(result.policies)
+            for i in range(count):
                 shares = 100 * result.success[i, result.quantities.index(quantity)]
-                axes.plot(
-                    values, shares, color=COLOURS[i % len(COLOURS)], marker="o", ms=2.5, lw=1.5
-                )
+                # Many lines are at 100 %: the later ones are thinner, so that all are seen.
+                width = 1.3 + 1.3 * (count - 1 - i)
+                axes.plot(values, shares, color=COLOURS[i % len(COLOURS)], lw=width)
             if quantity.logarithmic:
                 axes.set_xscale("log", base=2)
                 axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
