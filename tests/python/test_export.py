@@ -77,7 +77,8 @@ def test_a_student_answers_the_same_to_a_millionth(name: str, tmp_path: Path) ->
 
 @pytest.mark.parametrize("algorithm", ["PPO", "SAC", "TD3"])
 def test_a_trained_policy_answers_the_same_to_a_millionth(algorithm: str, tmp_path: Path) -> None:
-    changes = {"n_timesteps": 64, "n_envs": 8, "frame_stack": 3, "own_actions": True}
+    changes = {"n_timesteps": 64, "n_envs": 8, "frame_stack": 3}
+    changes["vec_env_wrapper"] = "rodgym.training.OwnActions"
     quick = {"PPO": {"n_steps": 8, "batch_size": 64}}.get(algorithm, {"learning_starts": 32})
     recipe = load_recipe(ENV, algorithm).with_changes({**changes, **quick})
     run = Run("run", tmp_path)

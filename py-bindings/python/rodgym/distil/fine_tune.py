@@ -91,7 +91,7 @@ def fine_tune(
     env_id, env_kwargs = card["env"], card["env_kwargs"]
     shape = student.shape
     env: VecEnv = rodgym.sb3.make_vec_env(env_id, ENVS, seed, env_kwargs=dict(env_kwargs))
-    # In step, all rods would swing up in one rollout and stand in the next seven: it forgets.
+    # In step, all rods would swing up in one rollout and stand in the next seven.
     env = Staggered(env)
     env = OwnActions(env) if shape.own_actions else env
     env = VecFrameStack(env, shape.frames) if shape.frames > 1 else env

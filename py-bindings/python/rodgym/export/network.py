@@ -23,8 +23,9 @@ def network_of(policy: Policy) -> Student:
     if isinstance(policy, StudentPolicy):
         return policy.student
     depth, own_actions, model = 1, 0, policy
-    if isinstance(policy, Stacked):
-        depth, own_actions, model = policy.depth, policy.own_actions, policy.policy
+    while isinstance(model, Stacked):
+        depth, own_actions = depth * model.depth, own_actions + model.own_actions
+        model = model.policy
     layers = actor_layers(model)
     linear = [layer for layer in layers if isinstance(layer, nn.Linear)]
     space: Any = model.action_space  # type: ignore[attr-defined]
