@@ -6,6 +6,7 @@ film is fitted with more and more nodes, and the parameters are those of infinit
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
@@ -259,7 +260,13 @@ class Fitter:
         film = self.film(nodes, smooth, ROUGH, self.cut(0))
         base = np.nanmedian(self.tracks.points[:, 0], axis=0)
         x = film.start(np.array(self.values), np.array([0.0, 0.0, *base]), at)
-        trials = [self.solved(film, start, rounds=ROUNDS, final=False) for start in self.tried(x)]
+        trials = list[Estimate]()
+        for start in self.tried(x):
+            # What one start cannot be simulated from, another may.
+            with contextlib.suppress(MisfitError):
+                trials.append(self.solved(film, start, rounds=ROUNDS, final=False))
+        if not trials:
+            raise MisfitError("no rod near the start of the fit can be simulated (--start)")
         for rounds in (ROUNDS, 30):
             chosen = list[Estimate]()
             trials.sort(key=lambda trial: trial.sigma)
