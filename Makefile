@@ -6,7 +6,7 @@ SHELL := /bin/bash
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
-EXTRAS := train,render,remote,ray,dev
+EXTRAS := train,tune,render,remote,ray,export,dev
 # Extra arguments of the program: make demo ARGS="--steps 100000"
 ARGS ?=
 
@@ -24,7 +24,7 @@ SOAK_MINUTES ?= 30
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
-demo: extension ## train an agent, compare it with the LQR, write runs/demo/report.html
+demo: extension ## train three agents, compare them with the LQR, write runs/demo/report.html
 	$(BIN)/rodgym demo $(ARGS)
 
 test: lint test-rust test-oldest test-python ## everything that must hold before a change lands
@@ -110,7 +110,7 @@ bench: extension ## speed beside other simulators (installed ones): refreshes do
 .PHONY: accuracy
 accuracy: venv ## long: how exact every stepper is; writes the table of default steps and docs/performance/accuracy.md
 	cargo build --release -p rodgym-core --example swing
-	$(BIN)/python tests/long/accuracy.py
+	PYTHONPATH=tests/python $(BIN)/python tests/long/accuracy.py
 
 .PHONY: soak-pendulum
 soak-pendulum: ## long: a million random torques on ordinary rods, and on soft and thin ones
@@ -122,9 +122,20 @@ controllers: extension ## long: every claim of the controllers on 100 seeds, wri
 .PHONY: lab
 lab: extension ## long: fits of 1300 synthetic films, writes docs/lab-proofs.md; goes on where it was stopped
 	OMP_NUM_THREADS=1 $(BIN)/python tests/long/lab.py
+.PHONY: unknown-rods
+unknown-rods: extension ## long: output feedback of rods that it must learn, writes docs/unknown-rods.md
+	$(BIN)/python tests/long/unknown_rods.py
 
 scores: extension ## long: trains on several seeds and writes docs/scores.md
 	$(BIN)/python tests/long/scores.py
+
+.PHONY: robustness
+robustness: extension ## long: how far off rod, motor and sensors may be; refreshes docs/robustness.md
+	$(BIN)/python tests/long/robustness.py
+
+.PHONY: distil
+distil: extension ## long: ten students of each recipe, writes the table of docs/distillation.md
+	$(BIN)/python tests/long/distil.py
 
 # A terminal sees cargo's progress; elsewhere what the build says is shown when it fails.
 extension: venv

@@ -2,6 +2,21 @@
 
 use crate::error::{Result, shape};
 
+/// An estimate of a number, with the interval that holds it in nine of ten cases.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Quantity {
+    /// Name, that of the keyword where the environment has one.
+    pub name: &'static str,
+    /// Unit.
+    pub unit: &'static str,
+    /// Best value.
+    pub value: f64,
+    /// Lower end of the interval.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+}
+
 /// A control law for one environment, applied to any number of them at once.
 ///
 /// The law itself never changes; what it remembers between steps (a clock, an estimate) is one row
@@ -22,6 +37,10 @@ pub trait Controller: Send + Sync {
     }
     /// What the design settled on, by name, for reports; empty where there is nothing to say.
     fn parameters(&self) -> Vec<(&'static str, f64)> {
+        Vec::new()
+    }
+    /// What a row of `state` says of the machine's parameters; empty for a law that learns nothing.
+    fn estimate(&self, _state: &[f64]) -> Vec<Quantity> {
         Vec::new()
     }
     /// Fills a row of `state` for an episode that begins with this observation.

@@ -12,5 +12,5 @@ pub mod pendulum;
 pub mod registry;
 mod target;
 
-pub use controller::Controller;
+pub use controller::{Controller, Quantity};
 pub use error::{Error, Result};

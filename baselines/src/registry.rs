@@ -3,7 +3,7 @@
 use crate::controller::Controller;
 use crate::error::{Error, Result, parameter};
 use crate::gait::Gait;
-use crate::pendulum::{HybridLqr, Lqg, Lqr, Noise, RodDesign, ThesisLqg};
+use crate::pendulum::{HybridLqr, Lqg, LqgAdaptive, Lqr, RodDesign, ThesisLqg};
 pub use crate::target::Target;
 use rodgym_core::fin::cycle::Waveform;
 use std::sync::{PoisonError, RwLock};
@@ -25,10 +25,8 @@ const OURS: &[Entry] = &[
     pendulum("lqr-hybrid", |target| {
         boxed(HybridLqr::for_target(rod(target)?, target.observation.size()))
     }),
-    pendulum("lqg", |target| {
-        let noise = Noise::of_sensors(&target.config);
-        boxed(Lqg::for_target(rod(target)?, noise, target.observation.size()))
-    }),
+    pendulum("lqg", |target| boxed(Lqg::for_target(target))),
+    pendulum("lqg-adaptive", |target| boxed(LqgAdaptive::for_target(target))),
     pendulum("thesis-lqr", |target| {
         boxed(HybridLqr::literal_for_target(rod(target)?, target.observation.size()))
     }),

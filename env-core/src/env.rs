@@ -9,7 +9,7 @@ pub use crate::settings::Settings;
 pub use crate::spec::{Space, Spec};
 
 use crate::error::Result;
-use crate::simulation::Simulation;
+use crate::simulation::{Named, Simulation, no_derivatives};
 use std::any::Any;
 use std::ops::Range;
 use std::sync::atomic::AtomicBool;
@@ -90,6 +90,36 @@ pub trait VectorEnv: Send {
     fn parameters(&self, index: usize) -> Result<Vec<f64>>;
     /// Positions and velocities of the nodes of environment `index`, (x, y) a node \[m, m/s\].
     fn nodes(&self, index: usize) -> Result<NodeState>;
+    /// Derivatives of the control step that environment `index` would take next under `action`, autoreset left out; the
+    /// environment stays where it is. Of the plant's whole state as one vector (s): `A` (s, s) by that vector, `B`
+    /// (s, a) by the action, `P` (s, p) by the parameters of these names; of the observation `C`, `D`, `Q`; of the
+    /// reward `reward_state` (s), `reward_action` (a), `reward_parameters` (p).
+    ///
+    /// # Errors
+    /// An action that is not finite or of the wrong length, an unknown name, an environment that was never reset, a step
+    /// in which the solver gives up, a machine without derivatives.
+    fn step_jacobian(
+        &self,
+        _index: usize,
+        _action: &[f32],
+        _parameters: &[String],
+    ) -> Result<Vec<Named>> {
+        Err(no_derivatives(self.spec().machine))
+    }
+    /// Gradients of the sum of rewards that environment `index` would get for `actions` (t, a), from where it is to the
+    /// last of them or to the end of the episode by the task: by `actions` (t, a), by the plant's `state` (s) and by
+    /// `parameters` (p); and the `rewards` (t) themselves, 0 after the end. The environment stays where it is.
+    ///
+    /// # Errors
+    /// Those of `step_jacobian`.
+    fn rollout_gradient(
+        &self,
+        _index: usize,
+        _actions: &[f32],
+        _parameters: &[String],
+    ) -> Result<Vec<Named>> {
+        Err(no_derivatives(self.spec().machine))
+    }
     /// An exact copy of what runs in environment `index`: stepping it leaves the environment alone, and the next
     /// step of both has the same bits.
     fn simulation(&self, index: usize) -> Result<Box<dyn Simulation>>;

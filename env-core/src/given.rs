@@ -19,6 +19,17 @@ pub fn check_names(given: &Map<String, Value>, known: &[&str]) -> Result<()> {
     }
 }
 
+/// Where a name stands among those that are known.
+///
+/// # Errors
+/// A name that is none of them.
+pub fn place(name: &str, known: &[&str]) -> Result<usize> {
+    known
+        .iter()
+        .position(|own| *own == name)
+        .ok_or_else(|| Error::UnknownParameter { name: name.into(), known: known.join(", ") })
+}
+
 /// A finite number within `[low, high]`.
 pub fn number(name: &str, value: &Value, low: f64, high: f64) -> Result<f64> {
     let fits = value.as_f64().filter(|x| (low..=high).contains(x));

@@ -1,7 +1,9 @@
 //! The bare machines, one at a time, for people who want the physics: no sensors, task or control step.
 
 use crate::error::{Error, Result};
+use crate::lane::{DIRECTIONS, Dual};
 use crate::scene::NodeState;
+use crate::watch::Watch;
 use serde_json::{Map, Value};
 
 /// A bare machine that one can step. What is a machine's own (angles, loads, a linear model) it is asked
@@ -47,6 +49,35 @@ pub trait Simulation: Send {
         let _ = (arguments, n);
         Err(unknown(self.machine(), command))
     }
+    /// The whole state as one vector: all that the next step depends on, in the machine's order.
+    ///
+    /// # Errors
+    /// A machine that has none.
+    fn vector(&self) -> Result<Vec<f64>> {
+        Err(no_derivatives(self.machine()))
+    }
+    /// Goes to such a state; the time goes back to 0.
+    ///
+    /// # Errors
+    /// A vector of another length, or none that this machine can have; nothing changes then.
+    fn set_vector(&mut self, _vector: &[f64]) -> Result<()> {
+        Err(no_derivatives(self.machine()))
+    }
+    /// Derivatives of that vector after `n` physics steps under a constant input: `A` (s, s) by the vector, `B` (s, 1)
+    /// by the input, `P` (s, p) by parameters. The machine stays where it is. Once `watch` stops it, it ends soon, and
+    /// what it returns means nothing.
+    ///
+    /// # Errors
+    /// Those of `step`; a name of no parameter; a machine without derivatives.
+    fn jacobian(
+        &self,
+        _input: f64,
+        _n: u64,
+        _parameters: &[String],
+        _watch: Watch<'_>,
+    ) -> Result<Vec<Named>> {
+        Err(no_derivatives(self.machine()))
+    }
     /// Every number that the future depends on, and the steps since the state was set; `restore` takes them.
     fn snapshot(&self) -> (Vec<f64>, u64);
     /// Goes on where a simulation of the same keywords was at its `snapshot`.
@@ -61,6 +92,11 @@ pub trait Simulation: Send {
 /// A word that a machine does not know.
 pub fn unknown(machine: &str, word: &str) -> Error {
     Error::parameter("word", word, format!("one that a {machine} knows"))
+}
+
+/// A machine whose steps are not differentiated.
+pub fn no_derivatives(machine: &str) -> Error {
+    Error::parameter("machine", machine, "'pendulum', the one whose steps have derivatives")
 }
 
 /// Numbers with a name and a shape.
@@ -88,6 +124,18 @@ impl Named {
     /// A matrix of `columns` columns.
     pub fn matrix(name: &'static str, columns: usize, values: Vec<f64>) -> Self {
         Named { name, shape: vec![values.len() / columns, columns], values }
+    }
+
+    /// Of every number its slopes in `count` directions from `first` on, a row a number; groups of eight directions
+    /// each.
+    pub fn slopes(name: &'static str, numbers: &[&[Dual]], first: usize, count: usize) -> Self {
+        let rows = numbers[0].len();
+        let entry = |i: usize| {
+            let (row, direction) = (i / count, first + i % count);
+            numbers[direction / DIRECTIONS][row].slopes[direction % DIRECTIONS]
+        };
+        let values = (0..rows * count).map(entry).collect();
+        Named { name, shape: vec![rows, count], values }
     }
 
     /// (x, y) a node.

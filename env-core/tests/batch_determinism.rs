@@ -24,6 +24,8 @@ fn variants() -> Vec<Value> {
         json!({"nodes": 13, "stepper": "implicit", "physics_dt": 2e-3, "observation": "tip",
                "randomize": {"width": [0.006, 0.009], "youngs_modulus": ["log_uniform", 5e6, 2e7]},
                "actuator_delay": 0.012, "torque_disturbance": 0.01}),
+        json!({"start_rate": [-5.0, 5.0], "actuator_gain": 0.8,
+               "push": {"torque": 0.1, "start": 0.055, "duration": 0.05}}),
     ]
 }
 
@@ -191,6 +193,11 @@ fn keywords_outside_their_range_are_refused_with_value_and_range() {
         (json!({"randomize": {"width": [0.009, 0.006]}}), "randomize['width']"),
         (json!({"randomize": {"nodes": [3, 5]}}), "'nodes'"),
         (json!({"sensor_noise": {"angle": -1.0}}), "sensor_noise['angle']"),
+        (json!({"actuator_gain": 0.0}), "a number from 0.01 to 10"),
+        (json!({"start_rate": [5.0, -5.0]}), "start_rate"),
+        (json!({"push": {"torque": 0.1}}), "push['duration']"),
+        (json!({"push": {"torque": 0.1, "start": -1.0, "duration": 1.0}}), "push['start']"),
+        (json!({"push": {"force": 0.1}}), "'force'"),
         (json!({"colour": 3}), "'colour'"),
     ];
     for (kwargs, expected) in cases {

@@ -192,7 +192,7 @@ fn the_thesis_fin_can_earn() {
 fn the_low_pass_is_butterworths() {
     use rodgym_core::fin::servo::{FREQUENCY, Servo, Ticks};
     let (cutoff, dt) = (3.0, 4e-3);
-    let ticks = Ticks::new(dt, Some(cutoff));
+    let ticks = Ticks::new(dt, Some(cutoff), 1.0);
     for frequency in [0.5, 1.0, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0] {
         let mut servo = Servo::<f64>::default();
         let (mut smoothed, mut pitch) = ([0.0; 2], [0.0; 2]);

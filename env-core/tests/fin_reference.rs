@@ -286,7 +286,7 @@ fn sampled_commands_through_the_servo_agree() {
         };
         let mut fin = BareFin::new(design, thesis(number(&row, "E_Pa"))).expect("allowed");
         // The reference has no low-pass before its servo.
-        let (mut servo, ticks) = (Servo::default(), Ticks::new(dt, None));
+        let (mut servo, ticks) = (Servo::default(), Ticks::new(dt, None, 1.0));
         let (first, last) = if frequency == 2.0 { (3.0, 5.0) } else { (2.0, 5.0) };
         let window = (first / frequency / dt).round()..(last / frequency / dt).round();
         let (mut thrust, mut power, mut torque) = (0.0, 0.0, 0.0f64);

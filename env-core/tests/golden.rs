@@ -76,6 +76,8 @@ fn pendulums() -> Vec<Value> {
         json!({"randomize": {"width": [0.006, 0.009], "length": [0.25, 0.35],
                "torque_limit": ["log_uniform", 0.02, 0.1]}, "start_angle": [-3.0, 3.0],
                "start_bend": [-1.0, 1.0], "gravity": 1.6}),
+        json!({"start_angle": [-3.0, 3.0], "start_rate": [-5.0, 5.0], "actuator_gain": 0.8,
+               "push": {"torque": 0.1, "start": 0.055, "duration": 0.05}}),
     ]
 }
 
@@ -95,6 +97,7 @@ fn fins() -> Vec<Value> {
         json!({"geometry": {"edge_length": 0.025, "height": 0.08, "pivot": 1,
                             "widths": [0.01, 0.012, 0.012, 0.01, 0.006, 0.0]},
                "stiffness_profile": [1.0, 1.0, 2.0, 1.0, 0.5, 1.0], "bending_damping": 2e-3, "damping": 0.05}),
+        json!({"actuator_gain": 1.2, "command_disturbance": 0.1}),
     ]);
     all
 }

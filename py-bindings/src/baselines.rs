@@ -99,6 +99,37 @@ impl Controller {
         Ok(self.law.state_size())
     }
 
+    /// What a state (n, s) says of the machine: for each quantity its unit, and value, low and high of every row (n, 3).
+    fn estimate<'py>(
+        &self,
+        py: Python<'py>,
+        state: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let state = arrays::read::<f64, Ix2>("state", state)?;
+        let (n, s) = (state.shape()[0], self.law.state_size());
+        if state.shape()[1] != s {
+            let message = format!("state has shape {:?}, but (n, {s}) is needed", state.shape());
+            return Err(raise("ShapeError", message));
+        }
+        let state: Vec<f64> = state.as_array().iter().copied().collect();
+        let mut told: Vec<(&str, &str, Vec<f64>)> = Vec::new();
+        for row in 0..n {
+            for (i, quantity) in
+                self.law.estimate(&state[row * s..(row + 1) * s]).into_iter().enumerate()
+            {
+                if row == 0 {
+                    told.push((quantity.name, quantity.unit, Vec::with_capacity(3 * n)));
+                }
+                told[i].2.extend([quantity.value, quantity.low, quantity.high]);
+            }
+        }
+        let dict = PyDict::new(py);
+        for (name, unit, numbers) in told {
+            dict.set_item(name, (unit, numpy::PyArray1::from_vec(py, numbers).reshape([n, 3])?))?;
+        }
+        Ok(dict)
+    }
+
     /// Actions (n, a) float32 and the next state (n, s) from observations (n, d) float32, state (n, s)
     /// and the mask of episodes that begin (n).
     fn predict<'py>(

@@ -10,7 +10,7 @@ use crate::errors::{OrRaise, raise, to_py};
 use crate::interrupt::watched;
 use crate::lock::Lock;
 use crate::render::Gallery;
-use crate::sim::Simulation;
+use crate::sim::{Simulation, named};
 use numpy::{Ix1, PyArray1, PyArray3, PyArrayDyn, PyArrayMethods};
 use pyo3::intern;
 use pyo3::prelude::*;
@@ -321,6 +321,42 @@ impl Batch {
     ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         let state = self.lock(py)?.env.nodes(index).or_raise()?;
         Ok((points(py, &state.positions)?, points(py, &state.velocities)?))
+    }
+
+    /// Derivatives of the control step that environment `index` would take under `action`, by name: `A`, `B`, `P` of
+    /// the plant's state vector by that vector, the action and parameters; `C`, `D`, `Q` of the observation;
+    /// `reward_state`, `reward_action`, `reward_parameters`.
+    fn step_jacobian<'py>(
+        &self,
+        py: Python<'py>,
+        index: usize,
+        action: &Bound<'py, PyAny>,
+        parameters: Vec<String>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let given = Actions::read(action, &[self.spec.action.size()])?;
+        let mut action = vec![0.0; self.spec.action.size()];
+        given.copy_to(&mut action);
+        let mut guard = self.lock(py)?;
+        let env = &mut guard.env;
+        named(py, py.detach(move || env.step_jacobian(index, &action, &parameters)).or_raise()?)
+    }
+
+    /// Gradients of the sum of rewards that environment `index` would get for `actions` (t, a): by `actions` (t, a),
+    /// the `state` (s) and `parameters` (p); and the `rewards` (t).
+    fn rollout_gradient<'py>(
+        &self,
+        py: Python<'py>,
+        index: usize,
+        actions: &Bound<'py, PyAny>,
+        parameters: Vec<String>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let steps = actions.len()?;
+        let given = Actions::read(actions, &[steps, self.spec.action.size()])?;
+        let mut actions = vec![0.0; steps * self.spec.action.size()];
+        given.copy_to(&mut actions);
+        let mut guard = self.lock(py)?;
+        let env = &mut guard.env;
+        named(py, py.detach(move || env.rollout_gradient(index, &actions, &parameters)).or_raise()?)
     }
 
     /// An exact copy of what runs in environment `index`: stepping it leaves the environment alone.

@@ -4,7 +4,7 @@ use crate::arguments::{repr, rows};
 use crate::arrays;
 use crate::convert::{points, to_map, to_python};
 use crate::errors::{OrRaise, to_py};
-use crate::interrupt::LOOK;
+use crate::interrupt::{LOOK, watched};
 use crate::lock::Lock;
 use numpy::{Ix1, Ix2, PyArray1, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
@@ -13,6 +13,7 @@ use rodgym_caught::caught;
 use rodgym_core::Error;
 use rodgym_core::catalog;
 use rodgym_core::simulation::{Named, Simulation as Machine};
+use rodgym_core::watch::Watch;
 use serde_json::Value;
 use std::sync::MutexGuard;
 
@@ -20,6 +21,9 @@ use std::sync::MutexGuard;
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Simulation>()
 }
+
+/// Physics steps of a derivative that nobody has to be able to stop.
+const AT_ONCE: u64 = 1000;
 
 /// A bare machine without sensors, task or control step.
 #[pyclass(module = "rodgym._native", frozen)]
@@ -92,6 +96,40 @@ impl Simulation {
     fn step(&self, py: Python<'_>, input: f64, n: u64) -> PyResult<()> {
         let mut guard = self.lock(py)?;
         in_parts(py, &mut guard, n, |machine, part| machine.step(input, part))
+    }
+
+    /// The whole state as one vector.
+    fn get_vector<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        Ok(PyArray1::from_vec(py, self.lock(py)?.vector().or_raise()?))
+    }
+
+    /// Goes to such a state; the time goes back to 0.
+    fn set_vector(&self, py: Python<'_>, x: &Bound<'_, PyAny>) -> PyResult<()> {
+        let x = arrays::read::<f64, Ix1>("x", x)?.as_array().to_vec();
+        self.lock(py)?.set_vector(&x).or_raise()
+    }
+
+    /// Derivatives of that vector after `n` physics steps under a constant input: `A` by the vector, `B` by the
+    /// input, `P` by the parameters of these names.
+    fn jacobian<'py>(
+        &self,
+        py: Python<'py>,
+        input: f64,
+        n: u64,
+        parameters: Vec<String>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let machine = self.lock(py)?.copy();
+        // (Few steps are not worth a thread that looks out for Ctrl-C.)
+        if n <= AT_ONCE {
+            let found = py.detach(move || machine.jacobian(input, n, &parameters, Watch::nobody()));
+            return named(py, found.or_raise()?);
+        }
+        let (found, interrupt) =
+            watched(py, move |stop| machine.jacobian(input, n, &parameters, Watch::new(stop)));
+        if let Some(interrupt) = interrupt {
+            return Err(interrupt);
+        }
+        named(py, found.or_raise()?)
     }
 
     /// Energies by kind [J], and their total.
@@ -208,7 +246,7 @@ fn table<'py>(py: Python<'py>, values: Vec<(&'static str, f64)>) -> PyResult<Bou
 }
 
 /// Named numbers as a dictionary: floats, or arrays of their shape.
-fn named<'py>(py: Python<'py>, values: Vec<Named>) -> PyResult<Bound<'py, PyDict>> {
+pub fn named<'py>(py: Python<'py>, values: Vec<Named>) -> PyResult<Bound<'py, PyDict>> {
     let dict = PyDict::new(py);
     for Named { name, shape, values } in values {
         match shape.is_empty() {

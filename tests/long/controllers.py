@@ -45,8 +45,8 @@ class Blinded:
 class Misled:
     """Turns the filter's first estimate of an LQG, the whole rod, by up to `angle` either way."""
 
-    #: Where the estimate of the coordinates begins in the state, after torque and clock.
-    FIRST = 2
+    #: Where the estimate of the coordinates begins in the state: after steps, clock, two actions.
+    FIRST = 4
 
     def __init__(self, policy: Policy, angle: float, edges: int = 6) -> None:
         self.policy, self.angle, self.edges = policy, angle, edges
@@ -100,6 +100,11 @@ def output_feedback(
     return Claim(what, "lqg", BASE_ONLY, least, keywords, spoilt)
 
 
+def late(modulus: float, delay: float) -> dict[str, float]:
+    """Keywords of a rod whose motor is late."""
+    return {"youngs_modulus": modulus, "actuator_delay": delay}
+
+
 CLAIMS = (
     state_feedback(0.005, 95),
     *(state_feedback(width, 100) for width in (0.006, 0.007, 0.0081, 0.009)),
@@ -109,7 +114,7 @@ CLAIMS = (
         for width in (0.005, 0.006, 0.007, 0.0081, 0.009, 0.010, 0.012, 0.015)
     ),
     # Below 6 mm the rod bends too far for a filter that sees its base alone: no promise, a number.
-    output_feedback(0.005, 30),
+    output_feedback(0.005, 10),
     *(output_feedback(width, 98) for width in (0.006, 0.007, 0.0081, 0.009)),
     *(output_feedback(width, 95) for width in (0.010, 0.012)),
     *(output_feedback(w, 90, nodes=n) for n in (13, 31) for w in (0.006, 0.007, 0.0081, 0.009)),
@@ -117,6 +122,18 @@ CLAIMS = (
     *(
         output_feedback(width, 95, "from any angle", start_angle=ANY_ANGLE)
         for width in (0.007, 0.0081, 0.009)
+    ),
+    *(
+        output_feedback(
+            0.007, 98, f"{modulus / 1e6:g} MPa, {1e3 * delay:g} ms late", **late(modulus, delay)
+        )
+        for delay in (0.01, 0.02)
+        for modulus in (7e6, 1e7, 1.3e7)
+    ),
+    output_feedback(0.007, 95, "7 MPa, 31 nodes", youngs_modulus=7e6, nodes=31),
+    output_feedback(0.007, 95, "7 MPa, from any angle", youngs_modulus=7e6, start_angle=ANY_ANGLE),
+    output_feedback(
+        0.009, 95, "13 MPa, from any angle", youngs_modulus=1.3e7, start_angle=ANY_ANGLE
     ),
     *(
         output_feedback(

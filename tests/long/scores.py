@@ -1,7 +1,8 @@
-"""Scores of trainings: `make scores`, or `python tests/long/scores.py --trainings 5`.
+"""Scores of trainings: `make scores`, or `python tests/long/scores.py --trainings 10`.
 
 Trains the swing-up's recipe on several seeds, plays every agent and the LQR on the same 100 seeds,
-and writes docs/scores.md with its picture.
+and writes docs/scores.md with its pictures. What is trained already is not trained again: ended, it
+goes on when it is called once more.
 """
 
 from __future__ import annotations
@@ -9,34 +10,28 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
-from rodgym.evaluation import Evaluation, comparison_table, evaluate
-from rodgym.report.style import COLOURS, level, styled
+from rodgym.evaluation import Evaluation, comparison_table, evaluate, statistics
+from rodgym.evaluation.pooled import pooled, scores
+from rodgym.report import statistics as pictures
 from rodgym.runs import Run
-from rodgym.training import Training, load_recipe, train
-from rodgym.training.trainer import CURVE, VALIDATION_SEEDS
+from rodgym.training import Training, load_recipe, train_seeds
+from rodgym.training.watch import CURVE, VALIDATION_SEEDS
 
 DOCS = Path(__file__).parents[2] / "docs"
 ENV = "rodgym/PendulumSwingUp-v0"
+#: The first training seed. Those below were used while the recipe was looked for.
+FIRST = 20
 
 
-def draw(path: Path, trainings: list[Training], lqr: float) -> None:
-    """Every training's validation return against steps, the LQR as a line."""
-    with styled():
-        figure, axes = plt.subplots(figsize=(8.4, 4.2))
-        for training in trainings:
-            steps, returns = (
-                [row[CURVE.index(name)] for row in training.curve] for name in ("steps", "return")
-            )
-            axes.plot(np.array(steps) / 1e3, returns, color=COLOURS[0], lw=1.2, alpha=0.8)
-        level(axes, lqr, "LQR", COLOURS[1])
-        axes.set_title(f"PPO, {len(trainings)} trainings, on the validation seeds")
-        axes.set_xlabel("environment steps [thousands]")
-        axes.set_ylabel("mean return")
-        axes.set_xlim(0)
-        figure.savefig(path)
-        plt.close(figure)
+def row(name: str, about: statistics.Summary, evaluation: Evaluation) -> str:
+    """A policy in the table of all: the intervals, then means."""
+    return (
+        f"| {name} | {about.interquartile_mean} | {about.mean} | {about.median.value:.1f} "
+        f"| {100 * evaluation.mean('upright'):.0f} % | {evaluation.mean('time_to_upright'):.2f} s "
+        f"| {1e3 * evaluation.mean('effort'):.1f} mN m "
+        f"| {np.degrees(evaluation.mean('sway')):.1f} deg |"
+    )
 
 
 def page(trainings: list[Training], agents: list[Evaluation], lqr: Evaluation, run: Run) -> str:
@@ -49,18 +44,32 @@ def page(trainings: list[Training], agents: list[Evaluation], lqr: Evaluation, r
         f"| {t.best_steps:,} | {t.seconds:.0f} s |"
         for t, e in zip(trainings, agents, strict=True)
     )
+    ours, theirs = scores(agents), scores([lqr])
+    name = f"PPO, {len(trainings)} training seeds"
+    table = "\n".join(
+        [
+            row(name, statistics.summary(ours), pooled(agents, name)),
+            row("LQR (`lqr`)", statistics.summary(theirs), lqr),
+        ]
+    )
+    better = statistics.probability_of_improvement(ours, theirs)
     returns = [e.mean("return") for e in agents]
     return f"""# Scores
 
-PPO by the recipe of `baselines/zoo/ppo.yml` in `{ENV}`, trained on {len(trainings)} seeds;
-every agent and the LQR play the seeds 0 to {len(lqr.seeds) - 1}, which chose nothing.
+PPO by the recipe of `baselines/zoo/ppo.yml` in `{ENV}`, trained on {len(trainings)} seeds,
+{trainings[0].seed} to {trainings[-1].seed}, none of which was used while the recipe was looked
+for. Every agent and the LQR play the seeds 0 to {len(lqr.seeds) - 1}, which were not used for any
+choice.
 Written by `make scores` on
 {run.facts["date"]} ({run.facts["machine"]}; {versions}).
 
-Return of the agents: {np.mean(returns):.1f} on average over the trainings,
-from {min(returns):.1f} to {max(returns):.1f}.
-The LQR: {lqr.mean("return"):.1f}, upright in {100 * lqr.mean("upright"):.0f} %,
-{lqr.mean("time_to_upright"):.2f} s, {1e3 * lqr.mean("effort"):.1f} mN m.
+| policy | return: interquartile mean | mean | median | upright | time | torque (rms) | sway |
+|---|---|---|---|---|---|---|---|
+{table}
+
+In brackets: 95 % intervals of the stratified bootstrap, over training seeds and episodes; of the
+LQR, which is not trained, over the episodes alone. PPO returns more than the LQR with probability
+{better}. The trainings end at means from {min(returns):.1f} to {max(returns):.1f}.
 
 | training seed | return | worst | upright | time | torque (rms) | sway | kept at step | wall time |
 |---|---|---|---|---|---|---|---|---|
@@ -72,23 +81,27 @@ The LQR: {lqr.mean("return"):.1f}, upright in {100 * lqr.mean("upright"):.0f} %,
 *Time*: from when on it stays above 0.9 L.
 *Sway*: rms angle of the edges to the vertical over the last second.
 *Kept*: of 25 stages of the training the one with the best return on
-{len(VALIDATION_SEEDS)} validation seeds ({VALIDATION_SEEDS[0]} and up).
+{len(VALIDATION_SEEDS)} validation seeds ({VALIDATION_SEEDS[0]} and up). The curves are those on the
+validation seeds; the line is the interquartile mean, the band its 95 % interval.
 """
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--trainings", type=int, default=5)
-    count = parser.parse_args().trainings
-    recipe = load_recipe(ENV)
-    trainings, agents = [], []
-    for seed in range(count):
-        run = Run(f"seed-{seed}", Path("runs/scores"))
-        trainings.append(train(ENV, run, recipe=recipe, seed=seed))
-        agents.append(evaluate(str(trainings[-1].policy), ENV, name=f"PPO, seed {seed}"))
+    parser.add_argument("--trainings", type=int, default=10)
+    parser.add_argument("--first", type=int, default=FIRST, help="first training seed")
+    args = parser.parse_args()
+    run = Run("scores")
+    seeds = range(args.first, args.first + args.trainings)
+    trainings = train_seeds(ENV, run, seeds, recipe=load_recipe(ENV))
+    if trainings[-1].interrupted:
+        raise SystemExit("interrupted; called again, it goes on")
+    agents = [evaluate(str(t.policy), ENV, name=f"PPO, seed {t.seed}") for t in trainings]
     lqr = evaluate("lqr", ENV, name="LQR")
-    reference = evaluate("lqr", ENV, VALIDATION_SEEDS).mean("return")
-    draw(DOCS / "images" / "scores.png", trainings, reference)
+    columns = [CURVE.index(name) for name in ("steps", "seconds", "return")]
+    curves = [tuple([row[c] for row in t.curve] for c in columns) for t in trainings]
+    reference = {"LQR": evaluate("lqr", ENV, VALIDATION_SEEDS).mean("return")}
+    pictures.learning_curves(DOCS / "images" / "scores.png", {"PPO": curves}, reference)
     (DOCS / "scores.md").write_text(page(trainings, agents, lqr, run), encoding="utf-8")
     print(comparison_table([*agents, lqr]))
     print(f"wrote {DOCS / 'scores.md'}")

@@ -6,6 +6,7 @@ import warnings
 
 import gymnasium as gym
 import pytest
+from fin_beats import FINE, beat, errors
 from rodgym.cli.commands.list import describe, overview
 from rodgym.errors import AccuracyWarning, ParameterError
 from rodgym.sb3 import make_vec_env
@@ -57,3 +58,28 @@ def test_what_cannot_be_promised_is_told_once(make):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", AccuracyWarning)
         make()
+
+
+@pytest.mark.parametrize(
+    "fin",
+    [
+        {"youngs_modulus": 4e4},
+        {"youngs_modulus": 2.5e5},
+        {"youngs_modulus": 3e6},
+        {"youngs_modulus": 2.5e5, "hydrodynamics": "morison"},
+        {"youngs_modulus": 1e5, "hydrodynamics": "morison", "damping": 0.1238},
+    ],
+)
+def test_a_beat_of_the_fin_is_within_one_percent(fin):
+    assert max(errors(beat(**fin), beat(**fin, physics_dt=FINE))) < 0.01
+
+
+def test_a_fin_whose_vibration_never_dies_is_told():
+    fin = {"hydrodynamics": "morison", "youngs_modulus": 1e5}
+    with pytest.warns(AccuracyWarning, match=r"youngs_modulus = 1\.000e5 Pa"):
+        gym.make("rodgym/FinThrust-v0", **fin)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", AccuracyWarning)
+        gym.make("rodgym/FinThrust-v0", **fin, damping=0.1238)
+        gym.make("rodgym/FinThrust-v0", **fin, physics_dt=1e-3)
+        gym.make("rodgym/FinThrust-v0", youngs_modulus=4e4)

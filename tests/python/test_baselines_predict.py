@@ -20,7 +20,7 @@ CONFIG = {
 
 def stand_in(size=3 * EDGES, **changes):
     """What `for_env` reads of an environment, without its physics."""
-    space = Box(-np.inf, np.inf, (size,), np.float32)
+    space = Box(-1.0, 1.0, (size,), np.float32)
     numbers = {"low": [-1.0] * size, "high": [1.0] * size, "names": ["?"] * size}
     spec = {
         "id": "?",
@@ -77,7 +77,7 @@ def test_the_design_follows_the_environment():
 
 
 #: Laws that see base angle and rate only.
-OUTPUT_FEEDBACK = ("lqg", "thesis-lqg")
+OUTPUT_FEEDBACK = ("lqg", "lqg-adaptive", "thesis-lqg")
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ import rodgym.evaluation
 from rodgym.cli import main
 from rodgym.evaluation.policies import Stacked, load_policy, read_card
 from rodgym.evaluation.score import Trajectories, score
+from rodgym.extras import installed
 
 ENV = "rodgym/PendulumSwingUp-v0"
 SMALL = ["--set", "n_envs=8", "--set", "n_steps=32", "--set", "batch_size=64", "--steps", "512"]
@@ -114,7 +115,8 @@ def test_an_agent_sees_its_own_actions_in_training_as_in_evaluation() -> None:
     from rodgym.training.trainer import make_training_env
 
     env_id = "rodgym/PendulumSwingUpBase-v0"
-    recipe = load_recipe(env_id).with_changes({"n_envs": 2, "frame_stack": 3, "own_actions": True})
+    own = {"vec_env_wrapper": "rodgym.training.OwnActions"}
+    recipe = load_recipe(env_id).with_changes({"n_envs": 2, "frame_stack": 3, **own})
     kwargs = {"max_episode_steps": 5}
     training = make_training_env(env_id, recipe, 0, kwargs)
     bare = rodgym.sb3.make_vec_env(env_id, 2, 0, env_kwargs=kwargs)
@@ -151,11 +153,14 @@ def test_compare_trains_and_leaves_everything_in_the_run_folder(
     files = {path.name for path in folder.iterdir()}
     assert files == {
         "animation.gif",
+        *(["animation.mp4"] if installed("imageio_ffmpeg") else []),
         "episode.csv",
         "episode.png",
         "learning_curve.csv",
         "learning_curve.png",
+        "moment.png",
         "policy.zip",
+        "recipe.yml",
         "report.html",
         "run.json",
         "scores.csv",
@@ -163,7 +168,7 @@ def test_compare_trains_and_leaves_everything_in_the_run_folder(
     }
     page = (folder / "report.html").read_text()
     # Self-contained: nothing is fetched from anywhere.
-    assert page.count("data:image/") == 4
+    assert page.count("data:image/") == 5
     assert "://" not in page
     assert "Ctrl-C" not in page
     with (folder / "scores.csv").open() as stream:
@@ -200,15 +205,29 @@ def test_an_earlier_policy_is_kept_unless_forced(capsys: pytest.CaptureFixture[s
     assert main(["train", *SMALL, "--name", "mine"]) == 0
     policy = Path("runs/mine/policy.zip")
     before = policy.read_bytes()
-    for command in ("train", "compare", "demo"):
-        assert main([command, *SMALL, "--seed", "1", "--name", "mine"]) == 2
-        assert "choose another --name, or give --force" in capsys.readouterr().err
-        assert policy.read_bytes() == before
+    assert main(["train", *SMALL, "--seed", "1", "--name", "mine"]) == 2
+    assert "choose another --name, or give --force" in capsys.readouterr().err
+    # A comparison goes beside what is there.
+    assert main(["compare", *SMALL, "--seeds", "1", "--seed", "1", "--name", "mine"]) == 0
+    assert "runs/mine is there: this run is runs/mine-2" in capsys.readouterr().err
+    assert policy.read_bytes() == before
+    assert read_card(Path("runs/mine-2/policy.zip"))["seed"] == 1
     assert main(["train", *SMALL, "--seed", "1", "--name", "mine", "--force"]) == 0
     assert read_card(policy)["seed"] == 1
-    # The tour may be taken again.
-    for _ in range(2):
-        assert main(["demo", *SMALL, "--seeds", "1"]) == 0
+
+
+def test_a_second_run_lies_beside_the_first(capsys: pytest.CaptureFixture[str]) -> None:
+    evaluation = ["evaluate", "zero", "--seeds", "1", "--name", "mine"]
+    for number in ("", "-2", "-3"):
+        assert main(evaluation) == 0
+        assert f"runs/mine{number}/scores.csv" in capsys.readouterr().out
+    first = Path("runs/mine/scores.csv")
+    first.write_text("mine\n")
+    assert main(evaluation) == 0
+    assert first.read_text() == "mine\n"
+    assert main([*evaluation, "--force"]) == 0
+    assert first.read_text() != "mine\n"
+    assert not Path("runs/mine-5").exists()
 
 
 def test_a_training_says_what_it_makes_of_its_steps(capsys: pytest.CaptureFixture[str]) -> None:
@@ -263,3 +282,21 @@ def test_ctrl_c_keeps_what_was_learnt() -> None:
     assert "interrupted after" in out
     result = rodgym.evaluation.evaluate("runs/long", ENV, range(2))
     assert np.isfinite(result.columns["return"]).all()
+
+
+def test_a_report_shows_what_a_policy_learns_of_its_rod() -> None:
+    keywords = ["--env-arg", "randomize={'youngs_modulus': (7e6, 1.3e7)}"]
+    command = ["compare", "--env", "rodgym/PendulumSwingUpBase-v0", "--seeds", "0:2", *keywords]
+    assert main([*command, "--controller", "lqg-adaptive,lqg", "--name", "learns"]) == 0
+    assert Path("runs/learns/estimates.png").stat().st_size > 5000
+    page = Path("runs/learns/report.html").read_text(encoding="utf-8")
+    assert "What was learnt of the rod" in page
+    record = rodgym.evaluation.record(
+        "lqg-adaptive",
+        "rodgym/PendulumSwingUpBase-v0",
+        env_kwargs={"randomize": {"youngs_modulus": (7e6, 1.3e7)}},
+        max_seconds=2.0,
+    )
+    value, low, high = record.estimates["youngs_modulus"].T
+    truth = record.parameters["youngs_modulus"]
+    assert abs(value[-1] / truth - 1) < 0.02 and (low < value).all() and (value < high).all()

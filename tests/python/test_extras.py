@@ -22,13 +22,18 @@ ALL = sorted({module for modules in EXTRAS.values() for module in modules})
 #: Run with the extra's name and a list of commands: hides what the extra does not bring, then does
 #: one command after the other and prints code, errors and whether a folder was made.
 PROGRAM = """
-import contextlib, importlib.abc, io, json, os, sys
+import contextlib, importlib.abc, importlib.util, io, json, os, sys
 hidden, commands = json.loads(sys.argv[1])
 class Hider(importlib.abc.MetaPathFinder):
     def find_spec(self, name, path=None, target=None):
         if name.partition(".")[0] in hidden:
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 sys.meta_path.insert(0, Hider())
+# Who only asks for a module (torch does, for onnx) is told that there is none.
+real = importlib.util.find_spec
+def find_spec(name, package=None):
+    return None if name.partition(".")[0] in hidden else real(name, package)
+importlib.util.find_spec = find_spec
 from rodgym.cli import main
 results = []
 for words in commands:
@@ -59,8 +64,10 @@ PLAY = ("--seeds", "2", *SHORT, "--runs")
 COMMANDS: list[tuple[str, list[str], set[str] | None]] = [
     ("list", ["list"], None),
     ("evaluate", ["evaluate", "lqr", *PLAY, "evaluate"], None),
+    ("steps", ["evaluate", "lqr", "--trajectories", "parquet", *PLAY, "steps"], {"data"}),
     ("evaluate-zoo", ["evaluate", "zoo", *PLAY, "evaluate-zoo"], {"train"}),
     ("gif", ["render", "lqr", "lqr.gif", *SHORT], {"render", "report", "train", "ray"}),
+    ("film", ["render", "lqr", "lqr.mp4", *SHORT], {"render", "report", "train"}),
     ("strip", ["render", "zoo", "zoo.png", *SHORT], {"train"}),
     ("window", ["render", "lqr", "--show", *SHORT], {"render"}),
     (
@@ -73,6 +80,12 @@ COMMANDS: list[tuple[str, list[str], set[str] | None]] = [
         "train",
         ["train", "--steps", "64", "--set", "n_envs=8", "--set", "n_steps=8", "--set",
          "batch_size=64", *SHORT, "--runs", "train"],
+        {"train"},
+    ),
+    (
+        "distil",
+        ["distil", "--rounds", "1", "--set", "batches=2", "--set", "rods=2", *SHORT, "--runs",
+         "distil"],
         {"train"},
     ),
     ("study", ["study", "plan.yml", "--runs", "study"], {"report", "ray", "train"}),
@@ -141,8 +154,9 @@ def test_what_is_missing_is_told_with_the_fewest_extras_for_all_that_is_needed()
 def test_the_extras_are_those_of_the_project():
     tomllib = pytest.importorskip("tomllib")
     listed = tomllib.loads(PROJECT.read_text())["project"]["optional-dependencies"]
-    names = {"stable-baselines3": "stable_baselines3", "pyyaml": "yaml", "pyzmq": "zmq",
-             "pillow": "PIL"}  # fmt: skip
+    names = {"stable-baselines3": "stable_baselines3", "sb3-contrib": "sb3_contrib",
+             "pyyaml": "yaml", "pyzmq": "zmq", "pillow": "PIL",
+             "imageio-ffmpeg": "imageio_ffmpeg"}  # fmt: skip
     for extra, modules in EXTRAS.items():
         packages = {re.split(r"[<>=\[]", text)[0] for text in listed[extra]}
         # PyTorch is a requirement of Stable-Baselines3.

@@ -102,6 +102,18 @@ def test_a_trained_policy_needs_to_be_on_the_drivers_machine_only(address, tmp_p
     assert (tmp_path / "ray.csv").read_bytes() == table
 
 
+def test_an_exported_policy_takes_its_card_along(address, tmp_path, monkeypatch):
+    pytest.importorskip("onnxruntime")
+    from rodgym.export import export
+
+    export("zoo", tmp_path / "p.onnx", SWING_UP)
+    monkeypatch.chdir(tmp_path)
+    study = parse({"env": SWING_UP, "sweep": {"policy": "p.onnx", "seed": [0, 1]}}, "exported")
+    run_study(study, tmp_path / "ray.csv", rodgym.ray.backend())
+    run_study(study, tmp_path / "local.csv")
+    assert (tmp_path / "ray.csv").read_bytes() == (tmp_path / "local.csv").read_bytes()
+
+
 def test_a_worker_killed_in_mid_study_loses_and_doubles_nothing(plan, finished, address, tmp_path):
     killer = Killer()
     counted = Counted(2, killer.start)

@@ -25,6 +25,7 @@ from rodgym.errors import (  # noqa: E402
     SnapshotError,
     UnknownEnvError,
 )
+from rodgym.evaluation import evaluate  # noqa: E402
 from rodgym.remote import (  # noqa: E402
     LimitError,
     RemoteTimeoutError,
@@ -251,3 +252,21 @@ def test_ppo_learns_the_same_policy_over_the_wire(server):
     assert local_returns == remote_returns and len(local_returns) > 8
     for name, weights in local.items():
         assert torch.equal(weights, remote[name]), name
+
+
+@pytest.mark.parametrize("design", ["each", "nominal", {"width": 0.008}])
+def test_a_score_over_the_wire_is_the_local_one_to_the_bit(server, design):
+    """Whatever a controller was designed for: the parameters that an episode draws travel too."""
+    drawn = {"randomize": {"width": (0.006, 0.010)}}
+    there = {"server": server.address, "env_id": SWING_UP, **drawn}
+    local = evaluate("lqr", SWING_UP, range(6), env_kwargs=drawn, design=design)
+    remote = evaluate("lqr", "rodgym/Remote-v0", range(6), env_kwargs=there, design=design)
+    assert remote.design == local.design
+    for name, values in local.columns.items():
+        assert np.array_equal(remote.columns[name], values, equal_nan=True), name
+    assert np.array_equal(remote.parameters["width"], local.parameters["width"])
+    pytest.importorskip("stable_baselines3")
+    zoo = evaluate("zoo", "rodgym/Remote-v0", range(2), env_kwargs=there)
+    assert zoo.columns["return"] == pytest.approx(
+        evaluate("zoo", SWING_UP, range(2), env_kwargs=drawn).columns["return"], rel=1e-6
+    )

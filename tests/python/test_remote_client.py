@@ -277,6 +277,26 @@ def test_a_header_that_is_none_is_a_remote_error(header):
     assert caught.value.code == "bad_reply"
 
 
+@pytest.mark.parametrize("num_envs", [1, 3, 1000])
+def test_results_are_the_callers_own(server, num_envs):
+    """Arrays may be written to, and keep what they have when the next results come."""
+    env = rodgym.remote.connect(server.address, SWING_UP, num_envs)
+    local = RodVectorEnv(SWING_UP, num_envs)
+    env.reset(seed=1), local.reset(seed=1)
+    action = np.full((num_envs, 1), 0.25, dtype=np.float32)
+    kept = env.step(action)
+    assert_same(kept, local.step(action))
+    before = [np.copy(array) for array in kept[:4]]
+    for array in env.step(action)[:4]:
+        assert array.flags.carray
+        array[...] = 0
+    for array, old in zip(kept, before, strict=False):
+        np.testing.assert_array_equal(array, old)
+    local.step(action)
+    assert_same(env.step(action), local.step(action))
+    env.close()
+
+
 def test_a_damaged_reply_leaves_the_call_pending(server, monkeypatch):
     env = rodgym.remote.connect(server.address, SWING_UP, 2)
     local = RodVectorEnv(SWING_UP, 2)

@@ -163,7 +163,7 @@ class Half:
     def __init__(self, socket, frames: int) -> None:
         self.socket, self.frames = socket, frames
 
-    def recv_multipart(self):
+    def recv_multipart(self, **_kwargs):
         for _ in range(self.frames):
             self.socket.recv()
         raise KeyboardInterrupt

@@ -15,7 +15,8 @@ sb3 = pytest.importorskip("stable_baselines3")
 
 from rodgym import errors  # noqa: E402
 from rodgym.sb3 import RodVecEnv, make_vec_env  # noqa: E402
-from stable_baselines3.common.monitor import Monitor  # noqa: E402
+from stable_baselines3.common import env_util  # noqa: E402
+from stable_baselines3.common.monitor import Monitor, load_results  # noqa: E402
 from stable_baselines3.common.vec_env import (  # noqa: E402
     DummyVecEnv,
     VecEnv,
@@ -135,7 +136,7 @@ def test_each_environment_has_the_spec_that_gym_make_gives_it(steps):
 @pytest.mark.parametrize("monitor", [True, False])
 @pytest.mark.parametrize("twin_of", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
 def test_a_pickled_or_copied_batch_goes_on_to_the_bit(monitor, twin_of, rng, tmp_path):
-    path = str(tmp_path / "log") if monitor else None
+    path = str(tmp_path) if monitor else None
     env = make_vec_env(
         SWING_UP, N, seed=5, monitor=monitor, monitor_dir=path, max_episode_steps=9, **RANDOM
     )
@@ -159,7 +160,7 @@ def test_a_pickled_or_copied_batch_goes_on_to_the_bit(monitor, twin_of, rng, tmp
         assert_same(twin.episode_returns, env.episode_returns)
         env.close()
         # Only the first one writes: two headers and four episodes of each environment.
-        assert len((tmp_path / "log.monitor.csv").read_text().splitlines()) == 2 + 4 * N
+        assert len((tmp_path / "0.monitor.csv").read_text().splitlines()) == 2 + 4 * N
 
 
 def test_bad_arguments_are_refused_and_change_nothing():
@@ -193,6 +194,68 @@ def test_monitor_counts_returns(tmp_path):
     assert [info["episode"]["l"] for info in infos] == [7, 7]
     assert [info["episode"]["r"] for info in infos] == pytest.approx(total, abs=1e-4)
     env.close()
+    # A folder that Stable-Baselines3 reads.
+    assert load_results(str(tmp_path / "run"))["l"].tolist() == [7, 7]
+
+
+class Smaller(gym.Wrapper):
+    """Rewards times `factor`."""
+
+    def __init__(self, env, factor=0.5):
+        super().__init__(env)
+        self.factor = factor
+
+    def step(self, action):
+        observation, reward, *rest = self.env.step(action)
+        return observation, self.factor * reward, *rest
+
+
+@pytest.mark.parametrize("native", [True, False])
+def test_the_arguments_of_stable_baselines3_are_taken_by_place(native, tmp_path):
+    """`make_vec_env(env_id, n_envs, seed, start_index, monitor_dir, wrapper_class, ...)`."""
+    wrapped = (None, None) if native else (Smaller, {"factor": 0.25})
+    given = (SWING_UP, 2, 5, 3, str(tmp_path / "x"), wrapped[0], {"width": 0.0081}, None, None)
+    keywords = {"monitor_kwargs": {"info_keywords": ("tip_height",)}, "wrapper_kwargs": wrapped[1]}
+    ours = make_vec_env(*given, **keywords, max_episode_steps=6)
+    theirs = env_util.make_vec_env(
+        SWING_UP, 2, 5, 3, str(tmp_path / "y"), wrapped[0],
+        {"width": 0.0081, "max_episode_steps": 6}, None, None, **keywords,
+    )  # fmt: skip
+    assert isinstance(ours.unwrapped, RodVecEnv if native else DummyVecEnv)
+    assert_same(ours.reset(), theirs.reset())
+    assert ours.action_space.sample() == theirs.action_space.sample()
+    for _ in range(6):
+        ours_step, their_step = ours.step(np.ones((2, 1))), theirs.step(np.ones((2, 1)))
+        for mine, other in zip(ours_step, their_step, strict=True):
+            if isinstance(mine, np.ndarray):
+                assert mine == pytest.approx(other, abs=1e-6)
+    ours.close(), theirs.close()
+    mine, other = (load_results(str(tmp_path / name)) for name in "xy")
+    assert mine["tip_height"].tolist() == pytest.approx(other["tip_height"].tolist(), abs=1e-6)
+    assert mine["r"].tolist() == pytest.approx(other["r"].tolist(), abs=1e-4)
+    assert (tmp_path / "x/3.monitor.csv").is_file()
+
+
+def test_environments_are_named_as_for_gym_make_or_made_by_a_function():
+    named = make_vec_env(f"rodgym:{SWING_UP}", 2, seed=3)
+    made = make_vec_env(lambda **kwargs: gym.make(SWING_UP, **kwargs), 2, seed=3)
+    asked = make_vec_env(SWING_UP, 2, seed=3, vec_env_cls=DummyVecEnv)
+    assert isinstance(asked.unwrapped, DummyVecEnv)
+    observation = named.reset()
+    assert_same(made.reset(), observation)
+    assert_same(asked.reset(), observation)
+    threads = make_vec_env(SWING_UP, 2, vec_env_kwargs={"num_threads": 1})
+    assert isinstance(threads.unwrapped, RodVecEnv)
+    for keywords, named in [
+        ({"wrapper_kwargs": {"factor": 2}}, "needs a wrapper_class"),
+        ({"monitor_kwargs": {"allow_early_resets": False}}, "allow_early_resets = False"),
+        ({"monitor_kwargs": {"speed": 1}}, "speed = 1"),
+        ({"vec_env_cls": DummyVecEnv, "server": "tcp://x:1"}, "server = 'tcp://x:1'"),
+    ]:
+        with pytest.raises(errors.ParameterError, match=named):
+            make_vec_env(SWING_UP, 2, **keywords)
+    with pytest.raises(errors.ParameterError, match="module 'nowhere' is not found"):
+        make_vec_env(f"nowhere:{SWING_UP}")
 
 
 def test_learning_and_prediction_run_without_a_warning():

@@ -89,6 +89,10 @@ impl RodDesign {
         read("bending_damping", &mut design.bending_damping)?;
         read("gravity", &mut design.gravity)?;
         read("torque_limit", &mut design.torque_limit)?;
+        // What the motor's action 1 is worth.
+        let mut gain = 1.0;
+        read("actuator_gain", &mut gain)?;
+        design.torque_limit *= gain;
         read("control_dt", &mut design.control_dt)?;
         if let Some(value) = config.get("nodes").filter(|value| !value.is_null()) {
             let nodes = value.as_u64().and_then(|nodes| usize::try_from(nodes).ok());

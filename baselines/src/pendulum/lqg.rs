@@ -1,47 +1,45 @@
 //! Output feedback: the extended Kalman filter from the episode's first sample, the regulator on its
 //! estimate.
 
-use super::{Chain, Estimator, Noise, Regulator, RodDesign, gentle_weights};
+use super::filter::{Belief, Filter, Learning};
+use super::rods::{ORDER, STATE};
+use super::{Arrival, Chain, Noise, Regulator, RodDesign, gentle_weights};
 use crate::controller::Controller;
 use crate::error::{Error, Result};
-
-/// Coordinates of the model: order 12 at most, whatever the plant.
-pub const ORDER: usize = 6;
+use crate::registry::Target;
 
 /// Swing-up and balance from base angle and rate.
 ///
 /// Observation: cos, sin, rate / (10 rad/s) of the base edge; a NaN among them is a lost sample.
-/// State: last torque \[N m\], the regulator's clock \[s\], the filter's memory.
+/// State: steps taken, the regulator's clock \[s\], actions on their way, the filter's belief.
 #[derive(Clone, Debug)]
 pub struct Lqg {
     regulator: Regulator,
-    estimator: Estimator,
+    filter: Filter<f64>,
+    arrival: Arrival,
 }
 
 impl Lqg {
-    /// Designs filter and regulator for a rod.
+    /// Designs filter and regulator for a rod whose motor is late.
     ///
     /// # Errors
     /// A rod that is not allowed; a Riccati equation without solution.
-    pub fn new(rod: RodDesign, noise: Noise) -> Result<Self> {
+    pub fn new(rod: RodDesign, noise: Noise, arrival: Arrival) -> Result<Self> {
         rod.check()?;
-        let chain = Chain::new(&rod, ORDER);
-        let regulator = Regulator::new(chain.clone(), gentle_weights(&rod))?;
-        Ok(Lqg { regulator, estimator: Estimator::new(chain, noise) })
+        let regulator = Regulator::new(Chain::new(&rod, ORDER), gentle_weights(&rod))?;
+        let filter = Filter::new(&[rod], noise, &arrival, Learning::default());
+        Ok(Lqg { regulator, filter, arrival })
     }
 
     /// Designs the controller for an environment.
     ///
     /// # Errors
     /// As [`Lqg::new`]; [`Error::Unsuitable`] where an observation is not that of the base edge.
-    pub fn for_target(rod: RodDesign, noise: Noise, observation_size: usize) -> Result<Self> {
-        needs_base("Lqg", observation_size)?;
-        Lqg::new(rod, noise)
-    }
-
-    /// The filter.
-    pub fn estimator(&self) -> &Estimator {
-        &self.estimator
+    pub fn for_target(target: &Target) -> Result<Self> {
+        needs_base("Lqg", target.observation.size())?;
+        let rod = RodDesign::from_config(&target.config)?;
+        let arrival = Arrival::from_config(&target.config, rod.control_dt)?;
+        Lqg::new(rod, Noise::default().with_sensors(&target.config), arrival)
     }
 
     /// The feedback law.
@@ -64,10 +62,11 @@ pub(super) fn needs_base(controller: &'static str, observation_size: usize) -> R
     })
 }
 
-/// Base angle \[rad\] and rate \[rad/s\] of an observation.
-pub(super) fn measured(observation: &[f32]) -> (f64, f64) {
+/// Base angle \[rad\] and rate \[rad/s\] of an observation; nothing where the sample was lost.
+pub(super) fn measured(observation: &[f32]) -> Option<(f64, f64)> {
     let angle = libm::atan2(observation[1] as f64, observation[0] as f64);
-    (angle, observation[2] as f64 * super::RATE_SCALE)
+    let rate = observation[2] as f64 * super::RATE_SCALE;
+    (angle.is_finite() && rate.is_finite()).then_some((angle, rate))
 }
 
 impl Controller for Lqg {
@@ -75,40 +74,44 @@ impl Controller for Lqg {
         3
     }
     fn state_size(&self) -> usize {
-        2 + self.estimator.memory()
+        2 + self.arrival.memory() + Belief::<f64>::SIZE
     }
     fn takes_lost_samples(&self) -> bool {
         true
     }
     fn start(&self, observation: &[f32], state: &mut [f64]) {
-        let (angle, rate) = measured(observation);
-        // NaN marks that no torque acted before the first sample.
-        state[0] = f64::NAN;
+        state.fill(0.0);
         state[1] = self.regulator.start();
-        let known = angle.is_finite() && rate.is_finite();
-        let (angle, rate) = if known { (angle, rate) } else { (0.0, 0.0) };
-        self.estimator.start(angle, rate, &mut state[2..]);
+        let (angle, rate) = measured(observation).unwrap_or((0.0, 0.0));
+        let memory = &mut state[2 + self.arrival.memory()..];
+        self.filter.start(angle, rate).write(memory);
     }
     fn act(&self, observation: &[f32], state: &mut [f64], action: &mut [f32]) {
         let (law, memory) = state.split_at_mut(2);
-        let [torque, clock] = law else { unreachable!("split at two") };
-        if torque.is_finite() {
-            self.estimator.predict(*torque, memory);
-        }
-        let (angle, rate) = measured(observation);
-        if angle.is_finite() && rate.is_finite() {
-            self.estimator.update(angle, rate, memory);
-            if !self.estimator.sound(memory) {
-                // A rod unlike the model can drive the filter off; it begins anew from what is seen.
-                self.estimator.start(angle, rate, memory);
-            }
-        } else if !self.estimator.sound(memory) {
-            self.estimator.start(0.0, 0.0, memory);
-        }
-        let order = 2 * self.estimator.chain().coordinates();
+        let (actions, memory) = memory.split_at_mut(self.arrival.memory());
+        let [steps, clock] = law else { unreachable!("split at two") };
         let limit = self.regulator.chain().rod().torque_limit;
-        action[0] =
-            (self.regulator.torque(&memory[..order], clock) / limit).clamp(-1.0, 1.0) as f32;
-        *torque = action[0] as f64 * limit;
+        let mut belief = Belief::read(memory);
+        if *steps > 0.0 {
+            let torques = self.arrival.acting(actions).map(|action| action * limit);
+            self.filter.predict(torques, &mut belief);
+        }
+        *steps += 1.0;
+        let seen = measured(observation);
+        if let Some((angle, rate)) = seen {
+            self.filter.update(angle, rate, &mut belief);
+        }
+        if !self.filter.sound(&belief) {
+            // A rod unlike the model can drive the filter off; it begins anew from what is seen.
+            let (angle, rate) = seen.unwrap_or((0.0, 0.0));
+            belief = self.filter.start(angle, rate);
+        }
+        belief.write(memory);
+        let mean = self.filter.forecast(&belief, &self.arrival, actions, limit);
+        let mut x = [0.0; STATE];
+        let n = self.filter.rods().lane(&mean, 0, &mut x);
+        let torque = self.regulator.torque(&x[..n], clock);
+        action[0] = (torque / limit).clamp(-1.0, 1.0) as f32;
+        self.arrival.push(f64::from(action[0]), actions);
     }
 }

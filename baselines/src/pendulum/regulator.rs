@@ -6,7 +6,7 @@
 //! (a motor that cannot lift the rod may hold it at an angle for ever), energy is pumped, swing by
 //! swing, until the regulator can catch the rod.
 
-use super::{Chain, RodDesign, Weights};
+use super::{Chain, MAX_COORDINATES, RodDesign, Weights};
 use crate::error::Result;
 use crate::linalg::{dare, sample_cost};
 use nalgebra::{DMatrix, DVector};
@@ -19,6 +19,9 @@ const PACE: f64 = 1.0;
 const ENOUGH: f64 = 1.1;
 /// The regulator catches what costs less than this many times the straight rod at rest 1 rad from up.
 const CATCH: f64 = 3.0;
+/// Where the motor cannot quite lift the rod, it catches what costs less than this part of the cost at the tilt
+/// that it can just hold.
+const HELD: f64 = 0.8;
 /// How long the regulator may try from a worse state before the pump starts, in units of sqrt(L/g).
 const PATIENCE: f64 = 6.0;
 /// Where the torque limit is below this part of m g L / 2, the pump starts at once.
@@ -67,6 +70,8 @@ pub struct Regulator {
     up_energy: f64,
     limit: f64,
     patience: f64,
+    /// The regulator catches what costs less.
+    catch: f64,
     weak: bool,
     pumps: bool,
 }
@@ -91,6 +96,13 @@ impl Regulator {
         let tilted = DVector::from_vec(tilted);
         let scale = tilted.dot(&(&solution.cost * &tilted));
         let weight = 0.5 * rod.node_mass() * rod.edges() as f64 * rod.gravity * rod.length;
+        // A motor that is nearly strong enough holds the rod up to a tilt, and would hold it there for ever.
+        let held = if (WEAK * weight..weight).contains(&rod.torque_limit) {
+            let tilt = libm::asin(rod.torque_limit / weight);
+            HELD * tilt * tilt
+        } else {
+            CATCH
+        };
         let enough = if rod.gravity < PACE { lever(&rod) * PACE } else { weight };
         Ok(Regulator {
             gain: solution.gain.transpose().column(0).into_owned(),
@@ -99,6 +111,7 @@ impl Regulator {
             limit: rod.torque_limit.min(ENOUGH * enough),
             patience: PATIENCE * libm::sqrt(rod.length / pace(&rod)),
             swing: chain.coordinates_of(&swing_shares(rod.edges())),
+            catch: CATCH.min(held),
             weak: rod.torque_limit < WEAK * weight,
             // Where gravity does not set the pace, a swing at the energy of the rod upright is no way up.
             pumps: rod.gravity >= PACE || rod.torque_limit < weight,
@@ -117,12 +130,23 @@ impl Regulator {
         self.gain.as_slice()
     }
 
-    /// Coordinates and rates measured from the nearest way up: whole turns of the base are taken off.
-    pub fn from_up(&self, state: &[f64]) -> DVector<f64> {
+    /// Coordinates and rates measured from the nearest way up, padded: whole turns of the base are taken off.
+    fn from_up(&self, state: &[f64]) -> [f64; 2 * MAX_COORDINATES] {
         let base = self.chain.base(&state[..self.chain.coordinates()]);
         let turns = libm::round((base - PI) / (2.0 * PI));
-        // A whole turn of the rod is 2 pi in units of `up`, which is half a turn.
-        DVector::from_fn(state.len(), |i, _| state[i] - (1.0 + 2.0 * turns) * self.up[i])
+        let mut z = [0.0; 2 * MAX_COORDINATES];
+        for (z, (x, up)) in z.iter_mut().zip(state.iter().zip(&self.up)) {
+            // A whole turn of the rod is 2 pi in units of `up`, which is half a turn.
+            *z = x - (1.0 + 2.0 * turns) * up;
+        }
+        z
+    }
+
+    /// Cost-to-go z'Pz, in units of that of the straight rod at rest 1 rad from up.
+    fn cost(&self, z: &[f64]) -> f64 {
+        let n = self.cost.nrows();
+        let row = |j: usize| (0..n).map(|i| z[i] * self.cost[(i, j)]).sum::<f64>();
+        (0..n).map(|j| row(j) * z[j]).sum()
     }
 
     /// The clock's value when an episode begins.
@@ -134,14 +158,15 @@ impl Regulator {
     /// law's memory: for how long \[s\] the rod has been out of reach.
     pub fn torque(&self, state: &[f64], clock: &mut f64) -> f64 {
         let z = self.from_up(state);
-        if z.dot(&(&self.cost * &z)) < CATCH {
+        if self.cost(&z) < self.catch {
             *clock = self.start();
         } else if *clock < self.patience {
             *clock += self.chain.rod().control_dt;
         } else if self.pumps && self.up_energy > 0.0 {
             return self.pump(state);
         }
-        (-self.gain.dot(&z)).clamp(-self.limit, self.limit)
+        let push: f64 = self.gain.iter().zip(&z).map(|(k, z)| k * z).sum();
+        (-push).clamp(-self.limit, self.limit)
     }
 
     /// Pushes with the motion as long as energy is missing, against it where there is too much.

@@ -62,7 +62,7 @@ impl Controller for ThesisLqg {
         state.fill(0.0);
     }
     fn act(&self, observation: &[f32], state: &mut [f64], action: &mut [f32]) {
-        let (angle, rate) = measured(observation);
+        let (angle, rate) = measured(observation).unwrap_or((0.0, 0.0));
         let from_up = angle - PI;
         let from_up = if from_up <= -PI { from_up + TAU } else { from_up };
         let (clock, estimate) = state.split_at_mut(2);

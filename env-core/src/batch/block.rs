@@ -6,7 +6,7 @@ use crate::draw::Draw;
 use crate::episodes::AutoresetMode;
 use crate::error::{Error, Result};
 use crate::isa::{Isa, Kernel, dispatch};
-use crate::lane::{Lanewise, Mask, Real};
+use crate::lane::{Dual, Lanewise, Mask, Real};
 use crate::results::StepData;
 use crate::scene::Scene;
 use crate::seed::Stream;
@@ -17,10 +17,10 @@ use std::sync::Arc;
 
 /// What the batch keeps of each environment beside its plant.
 #[derive(Clone, Debug, Default)]
-struct Clock {
-    steps: u32,
+pub(super) struct Clock {
+    pub(super) steps: u32,
     ended: bool,
-    begun: bool,
+    pub(super) begun: bool,
     episode_return: f64,
     reward: f64,
 }
@@ -28,15 +28,15 @@ struct Clock {
 /// `R::LANES` environments; the last block of a batch may use fewer.
 #[derive(Clone)]
 pub struct Block<M: Machine, R: Real> {
-    plant: M::Plant<R>,
-    streams: Vec<Stream>,
+    pub(super) plant: M::Plant<R>,
+    pub(super) streams: Vec<Stream>,
     /// How parameters are drawn where that is not the machine's way.
     draws: Vec<Option<Arc<[Draw]>>>,
-    clocks: Vec<Clock>,
+    pub(super) clocks: Vec<Clock>,
     used: usize,
     actions: Vec<R>,
-    observation: Vec<R>,
-    outcome: Outcome<R>,
+    pub(super) observation: Vec<R>,
+    pub(super) outcome: Outcome<R>,
     /// Rows of the observations that were returned last.
     returned: Vec<f32>,
 }
@@ -45,6 +45,8 @@ pub struct Block<M: Machine, R: Real> {
 pub struct Environment<M: Machine, R: Real> {
     pub machine: M,
     pub task: Box<dyn Scorer<M, R>>,
+    /// The same task, for derivatives.
+    pub task_of_slopes: Box<dyn Scorer<M, Dual>>,
     pub spec: Spec,
     pub rules: Rules,
 }
@@ -126,7 +128,7 @@ impl<M: Machine, R: Real> Block<M, R> {
         out: &mut StepData<'_>,
         watch: Watch<'_>,
     ) {
-        let Environment { machine, task, spec, rules } = env;
+        let Environment { machine, task, spec, rules, .. } = env;
         let mut active = R::Mask::splat(false);
         for lane in 0..self.used {
             let resets = self.clocks[lane].ended && rules.mode == AutoresetMode::NextStep;

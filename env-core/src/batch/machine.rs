@@ -4,13 +4,32 @@ use crate::draw::Draw;
 use crate::episodes::ResetOptions;
 use crate::error::Result;
 use crate::keywords::{Keyword, Parameter};
-use crate::lane::{Lanewise, Real};
+use crate::lane::{Dual, Lanewise, Real};
 use crate::scene::{NodeState, Scene};
 use crate::seed::Stream;
-use crate::simulation::Simulation;
+use crate::simulation::{Simulation, no_derivatives};
 use crate::spec::Space;
 use crate::watch::Watch;
 use serde_json::{Map, Value};
+
+/// Plants after a control step, with derivatives.
+pub struct Differentiated<P> {
+    /// The next state as one vector, in each group of directions.
+    pub next: Vec<Vec<Dual>>,
+    /// The plants themselves, a group each.
+    pub plants: Vec<P>,
+}
+
+/// Gradients of one number by what a control step starts from.
+#[derive(Clone, Debug)]
+pub struct Gradient {
+    /// By the plant's state as one vector.
+    pub state: Vec<f64>,
+    /// By the components of the action.
+    pub action: Vec<f64>,
+    /// By the parameters that were chosen.
+    pub parameters: Vec<f64>,
+}
 
 /// A machine as its keywords have it: plant, sensors, start. One value of this type serves a whole batch;
 /// what differs between environments is in the plants. What is asked of it is a `Task`.
@@ -90,6 +109,66 @@ pub trait Machine: Clone + Send + Sync + Sized + 'static {
         streams: &mut [Stream],
         watch: Watch<'_>,
     ) -> R::Mask;
+    /// The plant's whole state as one vector: all that the next step depends on.
+    ///
+    /// # Errors
+    /// A machine without derivatives.
+    fn vector(&self, _plant: &Self::Plant<f64>) -> Result<Vec<f64>> {
+        Err(no_derivatives(Self::NAME))
+    }
+    /// A control step from this plant on, in groups of eight directions: derivatives by the state, by every component of
+    /// the action, and by the parameters in the places `chosen`, in this order. `action` is finite; beyond its bounds it
+    /// is clipped, and has no slope. The plant's own stays; `stream` is as in `step`. `None` where the solver gave up.
+    ///
+    /// # Errors
+    /// A machine without derivatives.
+    fn differentiate(
+        &self,
+        _plant: &Self::Plant<f64>,
+        _action: &[f64],
+        _chosen: &[usize],
+        _stream: &mut Stream,
+    ) -> Result<Option<Differentiated<Self::Plant<Dual>>>> {
+        Err(no_derivatives(Self::NAME))
+    }
+    /// A plant as it is, in such groups: by its state, its last action and parameters.
+    ///
+    /// # Errors
+    /// A machine without derivatives.
+    fn variables(
+        &self,
+        _plant: &Self::Plant<f64>,
+        _chosen: &[usize],
+    ) -> Result<Vec<Self::Plant<Dual>>> {
+        Err(no_derivatives(Self::NAME))
+    }
+    /// `step` of one plant, of which derivatives are wanted later; whether the solver succeeded.
+    ///
+    /// # Errors
+    /// A machine without derivatives.
+    fn advance(
+        &self,
+        _plant: &mut Self::Plant<f64>,
+        _action: &[f64],
+        _stream: &mut Stream,
+    ) -> Result<bool> {
+        Err(no_derivatives(Self::NAME))
+    }
+    /// The way back through the control step from this plant on: from the `gradient` of a number by the state after the
+    /// step to those by what it starts from. The other arguments are those of `differentiate`.
+    ///
+    /// # Errors
+    /// A machine without derivatives.
+    fn pull_back(
+        &self,
+        _plant: &Self::Plant<f64>,
+        _action: &[f64],
+        _chosen: &[usize],
+        _stream: &mut Stream,
+        _gradient: &[f64],
+    ) -> Result<Option<Gradient>> {
+        Err(no_derivatives(Self::NAME))
+    }
     /// *Hot.* Writes the metrics after a step.
     fn metrics<R: Real>(&self, plant: &Self::Plant<R>, metrics: &mut [R]);
     /// *Hot.* Writes what the sensors show in all lanes; noise is drawn in `lanes` only.

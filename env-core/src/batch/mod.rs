@@ -4,11 +4,12 @@
 //! instructions. An environment's results depend on its seed and actions alone, never on the batch around it.
 
 mod block;
+mod derivative;
 mod machine;
 mod pool;
 mod task;
 
-pub use machine::Machine;
+pub use machine::{Differentiated, Gradient, Machine};
 pub use task::{Outcome, Scorer, Task};
 
 use crate::draw::Draw;
@@ -17,10 +18,11 @@ use crate::env::{
     StepData, VectorEnv,
 };
 use crate::error::{Error, Result};
+use crate::given::place;
 use crate::isa::{ForLanes, Isa, with_lanes};
 use crate::lane::Real;
 use crate::results::{Rows, Widths, check_length};
-use crate::simulation::Simulation;
+use crate::simulation::{Named, Simulation};
 use crate::snapshot::Snapshot;
 use crate::watch::Watch;
 use block::{Block, Environment, ResetRows, Rules};
@@ -172,7 +174,8 @@ impl<M: Machine, R: Real> Batch<M, R> {
             isa,
         };
         let spec = spec::<T>(id, &machine);
-        let env = Environment { machine, task: Box::new(task.clone()), spec, rules };
+        let (task, task_of_slopes) = (Box::new(task.clone()), Box::new(task.clone()));
+        let env = Environment { machine, task, task_of_slopes, spec, rules };
         let block = |first| Block::new(&env, R::LANES.min(n - first), first as u64);
         let blocks: Vec<_> = (0..n).step_by(R::LANES).map(block).collect();
         let work = blocks[0].numbers() as f64 * n as f64 * env.machine.control_dt()
@@ -248,6 +251,21 @@ impl<M: Machine, R: Real> Batch<M, R> {
             self.took = began.map(|began| began.elapsed());
         }
         Ok(())
+    }
+
+    /// Checks what a derivative is asked for; returns the places of the parameters.
+    fn check_derivative(
+        &self,
+        index: usize,
+        actions: &[f32],
+        parameters: &[String],
+    ) -> Result<Vec<usize>> {
+        if let Some(&value) = actions.iter().find(|a| !a.is_finite()) {
+            return Err(Error::Action { index, value: value as f64 });
+        }
+        let table = self.env.machine.parameter_table();
+        let known: Vec<_> = table.iter().map(|parameter| parameter.name).collect();
+        parameters.iter().map(|name| place(name, &known)).collect()
     }
 
     /// Threads that a step really uses.
@@ -394,6 +412,31 @@ impl<M: Machine, R: Real> VectorEnv for Batch<M, R> {
     fn nodes(&self, index: usize) -> Result<NodeState> {
         let (block, lane) = self.place(index)?;
         Ok(self.env.machine.nodes(self.blocks[block].plant(), lane))
+    }
+
+    fn step_jacobian(
+        &self,
+        index: usize,
+        action: &[f32],
+        parameters: &[String],
+    ) -> Result<Vec<Named>> {
+        let (block, lane) = self.place(index)?;
+        check_length("action", action.len(), self.env.spec.action.size())?;
+        let chosen = self.check_derivative(index, action, parameters)?;
+        self.blocks[block].jacobian(&self.env, lane, action, &chosen)
+    }
+
+    fn rollout_gradient(
+        &self,
+        index: usize,
+        actions: &[f32],
+        parameters: &[String],
+    ) -> Result<Vec<Named>> {
+        let (block, lane) = self.place(index)?;
+        let size = self.env.spec.action.size();
+        check_length("actions", actions.len(), actions.len().div_ceil(size) * size)?;
+        let chosen = self.check_derivative(index, actions, parameters)?;
+        self.blocks[block].rollout_gradient(&self.env, lane, actions, &chosen)
     }
 
     fn simulation(&self, index: usize) -> Result<Box<dyn Simulation>> {

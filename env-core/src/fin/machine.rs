@@ -11,7 +11,7 @@ use crate::episodes::ResetOptions;
 use crate::error::{Error, Result};
 use crate::fluid::terms::ByKind;
 use crate::keywords::{Keyword, Parameter};
-use crate::lane::{Lanewise, Real};
+use crate::lane::{Lanewise, Mask, Real};
 use crate::rod::curvature;
 use crate::scene::{NodeState, Scene};
 use crate::seed::Stream;
@@ -88,6 +88,10 @@ impl Machine for Fin {
         self.config.design.physics_dt
     }
 
+    fn warning(&self) -> Option<String> {
+        self.config.warning()
+    }
+
     fn new_plant<R: Real>(&self) -> Plant<R> {
         Plant::new(&self.config)
     }
@@ -124,11 +128,16 @@ impl Machine for Fin {
         &self,
         plant: &mut Plant<R>,
         actions: &[R],
-        _active: R::Mask,
-        _streams: &mut [Stream],
+        active: R::Mask,
+        streams: &mut [Stream],
         watch: Watch<'_>,
     ) -> R::Mask {
-        plant.control_step(&self.config, actions[0], watch)
+        let deviation = self.config.disturbance;
+        let draw = |lane: usize| {
+            if active.get(lane) { deviation * streams[lane].normal() } else { 0.0 }
+        };
+        let disturbance = (deviation > 0.0).then(|| R::from_fn(draw));
+        plant.control_step(&self.config, actions[0], disturbance, watch)
     }
 
     #[inline(always)]

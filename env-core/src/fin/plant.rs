@@ -127,14 +127,21 @@ impl<R: Real> Plant<R> {
         }
         self.demand.set(lane, demand);
         // The servo stands still until it is told otherwise.
-        let command = (pitch / config.pitch_limit).clamp(-1.0, 1.0);
+        let command = (pitch / (config.gain * config.pitch_limit)).clamp(-1.0, 1.0);
         self.servo.place(lane, pitch, rate, command * config.pitch_limit);
         self.commands.iter_mut().for_each(|c| c.set(lane, command));
     }
 
-    /// One control step under an action in [-1, 1]. Returns where the solver succeeded.
+    /// One control step under an action in [-1, 1], and what is added to it on its way to the servo. Returns where the
+    /// solver succeeded.
     #[inline(always)]
-    pub fn control_step(&mut self, config: &Config, action: R, watch: Watch<'_>) -> R::Mask {
+    pub fn control_step(
+        &mut self,
+        config: &Config,
+        action: R,
+        disturbance: Option<R>,
+        watch: Watch<'_>,
+    ) -> R::Mask {
         for i in (1..self.commands.len()).rev() {
             self.commands[i] = self.commands[i - 1];
         }
@@ -151,7 +158,10 @@ impl<R: Real> Plant<R> {
                 break;
             }
             // During the first part of the step the command before is still on its way.
-            let command = self.commands[if step < part { old + 1 } else { old }];
+            let mut command = self.commands[if step < part { old + 1 } else { old }];
+            if let Some(disturbance) = disturbance {
+                command = (command + disturbance).clip(-1.0, 1.0);
+            }
             let pitch = self.servo.angle;
             self.servo.advance(command * scale, &config.ticks);
             sound = sound.and(self.body.step_unless(self.servo.angle, watch));

@@ -54,18 +54,20 @@ impl Stage {
 pub struct Ticks {
     count: usize,
     length: f64,
+    /// Pitch that the servo goes to, over what its command says.
+    gain: f64,
     servo: Stage,
     low_pass: Option<[Stage; STAGES]>,
 }
 
 impl Ticks {
-    /// For physics steps of `dt` seconds and a low-pass at `cutoff` Hz, or none.
-    pub fn new(dt: f64, cutoff: Option<f64>) -> Self {
+    /// For physics steps of `dt` seconds, a low-pass at `cutoff` Hz, or none, and a servo of this gain.
+    pub fn new(dt: f64, cutoff: Option<f64>, gain: f64) -> Self {
         // The small reduction keeps 3 ms at three ticks whatever its rounding.
         let count = libm::ceil(dt / TICK - 1e-6).max(1.0) as usize;
         let length = dt / count as f64;
         let low_pass = cutoff.map(|f| DAMPING.map(|damping| Stage::new(TAU * f, damping, length)));
-        Ticks { count, length, servo: Stage::new(FREQUENCY, 1.0, length), low_pass }
+        Ticks { count, length, gain, servo: Stage::new(FREQUENCY, 1.0, length), low_pass }
     }
 }
 
@@ -110,7 +112,8 @@ impl<R: Real> Servo<R> {
                 }
             }
             let shaft = Lag { angle: self.angle, rate: self.rate };
-            let rate = ticks.servo.rate(&shaft, self.smoothed[STAGES - 1].angle);
+            let target = self.smoothed[STAGES - 1].angle * R::splat(ticks.gain);
+            let rate = ticks.servo.rate(&shaft, target);
             self.rate = rate.clip(-RATE_LIMIT, RATE_LIMIT);
             self.angle += length * self.rate;
         }

@@ -83,7 +83,7 @@ impl BareFin {
         parameters.check()?;
         let mut body = Body::new(design)?;
         body.begin(0, &parameters, 0.0);
-        let ticks = Ticks::new(body.design.physics_dt, None);
+        let ticks = Ticks::new(body.design.physics_dt, None, 1.0);
         let servo = Servo::default();
         Ok(BareFin { body, servo, ticks, steps: 0, resolved: Map::new() })
     }

@@ -83,9 +83,9 @@ impl<R: Real> System<R> for Swing<'_, R> {
     ) {
         let Instant { x, v, p } = &mut *self.now;
         for i in 0..x.len() {
-            origin.x[i] = stage.origin(start.x[i], x, &before.x, i);
-            origin.v[i] = stage.origin(start.v[i], v, &before.v, i);
-            origin.p[i] = stage.origin(start.p[i], p, &before.p, i);
+            origin.x[i] = stage.origin.of(start.x[i], x, &before.x, i);
+            origin.v[i] = stage.origin.of(start.v[i], v, &before.v, i);
+            origin.p[i] = stage.origin.of(start.p[i], p, &before.p, i);
             x[i] = start.x[i] + start.v[i].scale(stage.elapsed);
         }
         let mut pitch = self.to;

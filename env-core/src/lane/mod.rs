@@ -28,10 +28,12 @@ macro_rules! lane_by_lane {
     };
 }
 
+mod dual;
 mod lanewise;
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod x86;
 
+pub use dual::{DIRECTIONS, Dual};
 pub use lanewise::Lanewise;
 
 use std::fmt::Debug;

@@ -6,6 +6,7 @@
 //! known, while the numbers are still in registers, and keep only what the way back needs.
 
 use crate::lane::Real;
+use crate::lanewise;
 use crate::vec2::Vec2;
 
 /// A 2 x 2 block, by rows.
@@ -20,6 +21,50 @@ pub struct Hook<R> {
     pub right: [Block<R>; 2],
     /// Blocks (i+1, i) and (i+2, i).
     pub below: [Block<R>; 2],
+}
+
+lanewise!(Hook: diagonal, right, below);
+
+impl<R: Real> Hook<R> {
+    /// That of the transposed matrix.
+    #[inline(always)]
+    pub fn transposed(&self) -> Self {
+        let turn = |a: &Block<R>| block(|r, c| a[c][r]);
+        Hook {
+            diagonal: turn(&self.diagonal),
+            right: [turn(&self.below[0]), turn(&self.below[1])],
+            below: [turn(&self.right[0]), turn(&self.right[1])],
+        }
+    }
+}
+
+impl Hook<f64> {
+    /// The same in every lane.
+    #[inline(always)]
+    pub fn splat<R: Real>(&self) -> Hook<R> {
+        let wide = |a: &Block<f64>| block(|r, c| R::splat(a[r][c]));
+        Hook {
+            diagonal: wide(&self.diagonal),
+            right: [wide(&self.right[0]), wide(&self.right[1])],
+            below: [wide(&self.below[0]), wide(&self.below[1])],
+        }
+    }
+}
+
+/// Multiplies vectors in lanes by one matrix of hooks: adds the product with `x` to `to`.
+#[inline(always)]
+pub fn multiply<R: Real>(hooks: &[Hook<f64>], x: &[Vec2<R>], to: &mut [Vec2<R>]) {
+    for i in 0..hooks.len() {
+        let hook = hooks[i].splat::<R>();
+        let mut sum = to[i] + apply(&hook.diagonal, x[i]);
+        for off in 1..=2 {
+            if i + off < hooks.len() {
+                sum += apply(&hook.right[off - 1], x[i + off]);
+                to[i + off] += apply(&hook.below[off - 1], x[i]);
+            }
+        }
+        to[i] = sum;
+    }
 }
 
 /// The block with entries `f(row, column)`.

@@ -146,6 +146,13 @@ pub const KEYWORDS: &[Keyword] = &[
         Allowed::Range(-10.0, 10.0),
         "(low, high) of the angle's growth along the rod",
     ),
+    keyword(
+        "start_rate",
+        "rad/s",
+        "(0, 0)",
+        Allowed::Range(-100.0, 100.0),
+        "(low, high) of the rate at which the whole rod turns at the start",
+    ),
     RANDOMIZE,
     keyword(
         "sensor_noise",
@@ -162,11 +169,25 @@ pub const KEYWORDS: &[Keyword] = &[
         "lag of the torque behind the action",
     ),
     keyword(
+        "actuator_gain",
+        "",
+        "1",
+        Allowed::Number(0.01, 10.0),
+        "torque that arrives over torque commanded",
+    ),
+    keyword(
         "torque_disturbance",
         "N m",
         "0",
         Allowed::Number(0.0, 1e4),
         "standard deviation of a torque drawn each step",
+    ),
+    keyword(
+        "push",
+        "N m, s",
+        "{}",
+        Allowed::Numbers(&["torque", "start", "duration"], -1e4, 1e4),
+        "a torque at the base beside the motor's, from `start` on, for `duration`",
     ),
     preset(&[THESIS_PRESET], "the thesis' parameters, stepper and step"),
     THESIS,
@@ -178,6 +199,42 @@ const VERLET_DT: f64 = 2e-4;
 const IMPLICIT_DT: f64 = 1e-3;
 /// The thesis' own step \[s\].
 const THESIS_DT: f64 = 1e-4;
+
+/// A torque at the base beside the motor's, once an episode: a knock at the motor's shaft. It stands at the base, not at
+/// the tip, so that its size says how it compares with what the motor can do.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Push {
+    /// Torque \[N m\]; 0: no push.
+    pub torque: f64,
+    /// Begin, from the start of the episode \[s\].
+    pub start: f64,
+    /// Duration \[s\].
+    pub duration: f64,
+}
+
+impl Push {
+    fn read(reader: &mut Reader<'_>) -> Result<Push> {
+        let [torque, start, duration] = reader.numbers("push")?;
+        if start < 0.0 {
+            return Err(Error::parameter("push['start']", start, "a number from 0 to 10000, in s"));
+        }
+        // A push that lasts no time would do nothing without a word.
+        if duration < 0.0 || (torque != 0.0 && duration == 0.0) {
+            let allowed = "a number above 0, at most 10000, in s";
+            return Err(Error::parameter("push['duration']", duration, allowed));
+        }
+        Ok(Push { torque, start, duration })
+    }
+
+    /// Its mean torque \[N m\] over a control step that begins `steps` steps after the episode did: the impulse is
+    /// the same whatever the step.
+    #[inline(always)]
+    pub fn mean<R: Real>(&self, steps: R, control_dt: f64) -> R {
+        let begin = R::splat(self.start / control_dt).max(steps);
+        let end = R::splat((self.start + self.duration) / control_dt).min(steps + R::one());
+        R::splat(self.torque) * (end - begin).max(R::zero())
+    }
+}
 
 /// A pendulum environment's configuration.
 #[derive(Clone, Debug)]
@@ -204,12 +261,18 @@ pub struct Config {
     pub start_angle: (f64, f64),
     /// Range of the start angle's growth from first to last edge \[rad\].
     pub start_bend: (f64, f64),
+    /// Range of the rate at which all edges turn at the start \[rad/s\].
+    pub start_rate: (f64, f64),
     /// Standard deviation of the measured angles \[rad\] and rates \[rad/s\].
     pub noise: [f64; 2],
     /// Physics steps by which the torque lags behind the action.
     pub delay: usize,
+    /// Torque that arrives over torque commanded.
+    pub gain: f64,
     /// Standard deviation of a random torque, drawn each control step \[N m\].
     pub disturbance: f64,
+    /// Once an episode.
+    pub push: Push,
     /// Keywords as resolved.
     pub resolved: Map<String, Value>,
 }
@@ -277,9 +340,12 @@ impl Config {
             promised,
             start_angle: reader.range("start_angle", setup.start_angle)?,
             start_bend: reader.range("start_bend", setup.start_bend)?,
+            start_rate: reader.range("start_rate", (0.0, 0.0))?,
             noise: reader.numbers("sensor_noise")?,
             delay,
+            gain: reader.number("actuator_gain", 1.0)?,
             disturbance: reader.number("torque_disturbance", 0.0)?,
+            push: Push::read(&mut reader)?,
             resolved: reader.resolved(),
         })
     }

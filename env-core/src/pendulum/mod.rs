@@ -2,11 +2,13 @@
 
 pub mod accuracy;
 pub mod config;
+mod derivative;
 mod linear;
 mod plant;
 mod sensors;
 mod sim;
 pub mod tasks;
+mod vector;
 
 pub use config::{Config, PARAMETERS, Sensors, Setup};
 pub use linear::Linear;
@@ -14,12 +16,12 @@ pub use plant::{Plant, Start, State};
 pub use sensors::{RATE_BOUND, RATE_UNIT};
 pub use sim::BarePendulum;
 
-use crate::batch::Machine;
+use crate::batch::{Differentiated, Gradient, Machine};
 use crate::draw::{Draw, exact_parameters};
 use crate::episodes::ResetOptions;
 use crate::error::{Error, Result};
 use crate::keywords::{Keyword, Parameter};
-use crate::lane::{Lanewise, Mask, Real};
+use crate::lane::{Dual, Lanewise, Mask, Real};
 use crate::rod::curvature;
 use crate::scene::{NodeState, Scene};
 use crate::seed::Stream;
@@ -61,6 +63,24 @@ impl Pendulum {
             config.physics_dt
         );
         Err(Error::parameter("parameters", Value::Object(given), allowed))
+    }
+
+    /// Draws the torque that disturbs a control step \[N m\].
+    #[inline(always)]
+    fn disturbance<R: Real>(&self, active: R::Mask, streams: &mut [Stream]) -> R {
+        if self.config.disturbance == 0.0 {
+            return R::zero();
+        }
+        R::from_fn(|lane| {
+            if active.get(lane) { self.config.disturbance * streams[lane].normal() } else { 0.0 }
+        })
+    }
+
+    /// What a control step is told.
+    fn told(&self, action: &[f64], stream: &mut Stream) -> derivative::Told {
+        let disturbance = self.disturbance(true, std::slice::from_mut(stream));
+        let clipped = action[0].clamp(-1.0, 1.0);
+        derivative::Told { action: clipped, inside: clipped == action[0], disturbance }
     }
 
     fn check_state(&self, value: &Value) -> Result<State> {
@@ -185,18 +205,43 @@ impl Machine for Pendulum {
         streams: &mut [Stream],
         watch: Watch<'_>,
     ) -> R::Mask {
-        let mut disturbance = R::zero();
-        if self.config.disturbance > 0.0 {
-            let draw = |lane: usize| {
-                if active.get(lane) {
-                    self.config.disturbance * streams[lane].normal()
-                } else {
-                    0.0
-                }
-            };
-            disturbance = R::from_fn(draw);
-        }
+        let disturbance = self.disturbance(active, streams);
         plant.control_step(&self.config, actions[0], disturbance, watch)
+    }
+
+    fn differentiate(
+        &self,
+        plant: &Plant<f64>,
+        action: &[f64],
+        chosen: &[usize],
+        stream: &mut Stream,
+    ) -> Result<Option<Differentiated<Plant<Dual>>>> {
+        derivative::differentiate(&self.config, plant, self.told(action, stream), chosen)
+    }
+
+    fn vector(&self, plant: &Plant<f64>) -> Result<Vec<f64>> {
+        Ok(derivative::plant_vector(&self.config, plant))
+    }
+
+    fn variables(&self, plant: &Plant<f64>, chosen: &[usize]) -> Result<Vec<Plant<Dual>>> {
+        Ok(derivative::variables(&self.config, plant, chosen))
+    }
+
+    fn advance(&self, plant: &mut Plant<f64>, action: &[f64], stream: &mut Stream) -> Result<bool> {
+        let told = self.told(action, stream);
+        Ok(derivative::advance(&self.config, plant, told).is_some())
+    }
+
+    fn pull_back(
+        &self,
+        plant: &Plant<f64>,
+        action: &[f64],
+        chosen: &[usize],
+        stream: &mut Stream,
+        gradient: &[f64],
+    ) -> Result<Option<Gradient>> {
+        let told = self.told(action, stream);
+        derivative::pull_back_step(&self.config, plant, told, chosen, gradient)
     }
 
     #[inline(always)]

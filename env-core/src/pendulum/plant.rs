@@ -25,6 +25,8 @@ pub struct Plant<R: Real> {
     pub torque: R,
     /// Action of the last control step.
     pub action: R,
+    /// Control steps since the episode began.
+    pub steps: R,
     /// How the rod stood and moved after the last control step.
     pub posture: Posture<R>,
     pub(super) integrator: Integrator<R>,
@@ -59,7 +61,7 @@ pub enum State {
     Nodes(Vec<[f64; 2]>, Vec<[f64; 2]>),
 }
 
-lanewise!(Plant: parameters, rod, motion, integrator, commands, torque, action);
+lanewise!(Plant: parameters, rod, motion, integrator, commands, torque, action, steps);
 
 impl<R: Real> Plant<R> {
     /// All lanes hang straight down at rest, with the first value of each parameter's range.
@@ -71,6 +73,7 @@ impl<R: Real> Plant<R> {
             commands: vec![R::zero(); config.delay / config.substeps + 2],
             torque: R::zero(),
             action: R::zero(),
+            steps: R::zero(),
             posture: Posture::default(),
             integrator: Integrator::new(config.scheme, config.physics_dt, config.nodes),
             draft: (Rod::new(config.nodes), Motion::new(config.nodes)),
@@ -82,7 +85,7 @@ impl<R: Real> Plant<R> {
         plant
     }
 
-    /// Draws and sets the start of an episode: parameters in the table's order, angle, bend.
+    /// Draws and sets the start of an episode: parameters in the table's order, angle, bend, rate.
     pub fn begin(
         &mut self,
         config: &Config,
@@ -98,11 +101,14 @@ impl<R: Real> Plant<R> {
         }
         let angle = stream.uniform(config.start_angle.0, config.start_angle.1);
         let curve = stream.uniform(config.start_bend.0, config.start_bend.1);
+        let (slowest, fastest) = config.start_rate;
+        // Rods that start at rest draw nothing here: the stream goes on to the noise of the sensors.
+        let rate = if slowest < fastest { stream.uniform(slowest, fastest) } else { slowest };
         let edges = config.nodes - 1;
         let along = |k: usize| if edges > 1 { k as f64 / (edges - 1) as f64 } else { 0.0 };
         match &start.state {
             None => self.place(config, lane, &values, |rod, motion| {
-                bend(rod, motion, |k| (angle + curve * along(k), 0.0));
+                bend(rod, motion, |k| (angle + curve * along(k), rate));
             }),
             Some(State::Edges(angles, rates)) => {
                 self.place(config, lane, &values, |rod, motion| {
@@ -143,6 +149,7 @@ impl<R: Real> Plant<R> {
         }
         self.torque.set(lane, 0.0);
         self.action.set(lane, 0.0);
+        self.steps.set(lane, 0.0);
     }
 
     /// One control step under an action in [-1, 1] and a disturbing torque \[N m\]. Returns where the solver
@@ -155,20 +162,11 @@ impl<R: Real> Plant<R> {
         disturbance: R,
         watch: Watch<'_>,
     ) -> R::Mask {
-        self.action = action;
-        let command = action * self.parameters[at::TORQUE_LIMIT];
-        let (old, part) = (config.delay / config.substeps, config.delay % config.substeps);
-        for i in (1..self.commands.len()).rev() {
-            self.commands[i] = self.commands[i - 1];
-        }
-        self.commands[0] = command;
-        let Plant { rod, motion, integrator, commands, .. } = self;
-        // During the first part of the step the command before is still on its way. (One loop, so that the
-        // steppers are compiled into this function once.)
-        let phases = [(commands[old + 1], part), (commands[old], config.substeps - part)];
         let mut sound = R::Mask::splat(true);
-        for (command, steps) in phases {
-            self.torque = command + disturbance;
+        // (One loop, so that the steppers are compiled into this function once.)
+        for (torque, steps) in self.take(config, action, disturbance) {
+            self.torque = torque;
+            let Plant { rod, motion, integrator, .. } = self;
             if steps > 0 {
                 let drive = Constant(self.torque);
                 sound = sound.and(integrator.advance_unless(rod, motion, &drive, steps, watch));
@@ -178,8 +176,29 @@ impl<R: Real> Plant<R> {
         sound
     }
 
+    /// Takes an action; returns the torques of the control step to come, pushes and disturbance included \[N m\], and how
+    /// many physics steps each acts.
     #[inline(always)]
-    fn take_posture(&self) -> Posture<R> {
+    pub(super) fn take(&mut self, config: &Config, action: R, disturbance: R) -> [(R, usize); 2] {
+        self.action = action;
+        let command = action * self.parameters[at::TORQUE_LIMIT] * R::splat(config.gain);
+        let mut disturbance = disturbance;
+        if config.push.torque != 0.0 {
+            disturbance += config.push.mean(self.steps, config.control_dt);
+        }
+        self.steps += R::one();
+        let (old, part) = (config.delay / config.substeps, config.delay % config.substeps);
+        for i in (1..self.commands.len()).rev() {
+            self.commands[i] = self.commands[i - 1];
+        }
+        self.commands[0] = command;
+        // During the first part of the step the command before is still on its way.
+        [(old + 1, part), (old, config.substeps - part)]
+            .map(|(age, steps)| (self.commands[age] + disturbance, steps))
+    }
+
+    #[inline(always)]
+    pub(super) fn take_posture(&self) -> Posture<R> {
         let up = Vec2::new(R::zero(), R::one());
         let mut posture = Posture { rates: R::zero(), off: R::zero() };
         for k in 0..self.edges() {

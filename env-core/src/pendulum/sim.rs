@@ -14,6 +14,7 @@ use crate::simulation::{Named, Simulation, unknown};
 use crate::snapshot::Numbers;
 use crate::solver::{Constant, Drive, Feedback, Integrator, Scheme};
 use crate::vec2::Vec2;
+use crate::watch::Watch;
 use serde_json::{Map, Value, json};
 
 /// Names of the keywords that it takes: those of the environments that concern the rod.
@@ -21,15 +22,23 @@ fn names() -> Vec<&'static str> {
     bare_names(&PARAMETERS[..at::TORQUE_LIMIT], KEYWORDS)
 }
 
+/// Refuses a torque that is not finite.
+pub(super) fn check_torque(torque: f64) -> Result<()> {
+    if torque.is_finite() {
+        return Ok(());
+    }
+    Err(Error::parameter("torque", torque, "a finite number, in N m"))
+}
+
 /// A pendulum in free motion or under a base torque.
 #[derive(Clone, Debug)]
 pub struct BarePendulum {
-    config: Config,
-    values: Vec<f64>,
+    pub(super) config: Config,
+    pub(super) values: Vec<f64>,
     pub(super) rod: Rod<f64>,
     pub(super) motion: Motion<f64>,
-    integrator: Integrator<f64>,
-    steps: u64,
+    pub(super) integrator: Integrator<f64>,
+    pub(super) steps: u64,
 }
 
 impl BarePendulum {
@@ -136,12 +145,22 @@ impl BarePendulum {
     fn advance<D: Drive<f64>>(&mut self, drive: &D, n: u64) -> Result<()> {
         for _ in 0..n {
             if !self.integrator.advance(&self.rod, &mut self.motion, drive, 1) {
-                let reason = "the step did not converge in its smallest parts".into();
-                return Err(Error::Solver { time: self.time(), reason });
+                return Err(self.failed());
             }
             self.steps += 1;
         }
         Ok(())
+    }
+
+    /// The next step fails in its smallest parts.
+    pub(super) fn failed(&self) -> Error {
+        let reason = "the step did not converge in its smallest parts".into();
+        Error::Solver { time: self.time(), reason }
+    }
+
+    /// See `Integrator::sharpen`.
+    pub fn sharpen(&mut self, share: f64) {
+        self.integrator.sharpen(share);
     }
 
     /// Angles of the edges from hanging, counter-clockwise, in (-pi, pi] \[rad\] (thesis 4.2, corrected).
@@ -225,10 +244,26 @@ impl Simulation for BarePendulum {
 
     /// The input is the base torque \[N m\].
     fn step(&mut self, torque: f64, n: u64) -> Result<()> {
-        if !torque.is_finite() {
-            return Err(Error::parameter("torque", torque, "a finite number, in N m"));
-        }
+        check_torque(torque)?;
         self.advance(&Constant(torque), n)
+    }
+
+    fn vector(&self) -> Result<Vec<f64>> {
+        Ok(self.state_vector())
+    }
+
+    fn set_vector(&mut self, vector: &[f64]) -> Result<()> {
+        self.set_state_vector(vector)
+    }
+
+    fn jacobian(
+        &self,
+        torque: f64,
+        n: u64,
+        parameters: &[String],
+        watch: Watch<'_>,
+    ) -> Result<Vec<Named>> {
+        BarePendulum::jacobian(self, torque, n, parameters, watch)
     }
 
     fn energies(&self) -> Vec<(&'static str, f64)> {

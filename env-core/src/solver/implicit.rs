@@ -70,7 +70,7 @@ lanewise!(Past<S>: before, known);
 impl<R: Real, S: Lanewise<R, Of<R> = S>> Past<R, S> {
     /// Of steps by a scheme; `before` is memory for a state, left empty for schemes that do not look back.
     pub fn new(scheme: Scheme, before: impl FnOnce(bool) -> S) -> Self {
-        let looks_back = scheme.table().is_some_and(|table| table.looks_back);
+        let looks_back = scheme.looks_back();
         Past { before: before(looks_back), known: R::zero(), looks_back }
     }
 

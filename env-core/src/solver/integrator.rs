@@ -1,6 +1,7 @@
 //! Steps of fixed size of a pinned rod by the chosen scheme, with smaller ones where a step fails.
 
 use super::pinned::{Elimination, Pinned};
+use super::tape::{Move, Recorded, Tape};
 use super::{Constant, Drive, Past, Scheme, Solver, prepare, verlet};
 use crate::lane::{Lanewise, Mask, Real};
 use crate::lanewise;
@@ -15,7 +16,7 @@ const VERLET_HALVINGS: u32 = 5;
 #[derive(Clone, Debug)]
 pub struct Integrator<R: Real> {
     /// What the scheme remembers of the step before.
-    past: Past<R, Motion<R>>,
+    pub past: Past<R, Motion<R>>,
     method: Method<R>,
 }
 
@@ -124,6 +125,43 @@ impl Integrator<f64> {
     ) -> bool {
         self.advance(rod, motion, &Constant(torque), steps)
     }
+
+    /// `advance_unless` of one rod under a constant torque \[N m\], to the same bits, written down on a tape.
+    pub fn record(
+        &mut self,
+        rod: &Rod<f64>,
+        motion: &mut Motion<f64>,
+        torque: f64,
+        steps: usize,
+        watch: Watch<'_>,
+        tape: &mut Tape,
+    ) -> bool {
+        let Integrator { past, method } = self;
+        match method {
+            Method::Verlet(run) => run.record(rod, motion, torque, steps, watch, tape),
+            Method::Implicit(solver, work) => {
+                let drive = &Constant(torque);
+                let mut system = Recorded { system: Pinned { rod, motion, drive, work }, tape };
+                let mut sound = true;
+                for _ in 0..steps {
+                    if watch.stops() {
+                        break;
+                    }
+                    system.tape.begin_step();
+                    sound = solver.step(&mut system, past, sound, watch);
+                }
+                sound
+            }
+        }
+    }
+
+    /// Lets Newton's method go on until what remains is below this share of what it is for others. Steps become a
+    /// smooth function of their state, to the last digits, which small differences of them need.
+    pub fn sharpen(&mut self, share: f64) {
+        if let Method::Implicit(_, work) = &mut self.method {
+            work.sharpness = share;
+        }
+    }
 }
 
 /// Runs of Verlet steps.
@@ -166,5 +204,40 @@ impl<R: Real> Verlet<R> {
         motion.copy_from(&self.kept);
         motion.take(left, &self.saved);
         left.not()
+    }
+}
+
+impl Verlet<f64> {
+    /// `advance`, with every step written down.
+    fn record(
+        &mut self,
+        rod: &Rod<f64>,
+        motion: &mut Motion<f64>,
+        torque: f64,
+        steps: usize,
+        watch: Watch<'_>,
+        tape: &mut Tape,
+    ) -> bool {
+        self.saved.copy_from(motion);
+        let begin = tape.moves().len();
+        for halving in 0..=VERLET_HALVINGS {
+            let parts = 1usize << halving;
+            let dt = self.dt / parts as f64;
+            let mut sound = true;
+            for _ in 0..steps * parts {
+                self.kept.x.copy_from_slice(&motion.x);
+                sound &= verlet(rod, motion, torque, dt, 1, watch);
+                // Forces take the velocity of the half step.
+                let between = motion.x.iter().zip(&self.kept.x);
+                let between = between.map(|(new, old)| (*new - *old).scale(1.0 / dt));
+                tape.push(Move::Verlet(dt), &motion.x, between);
+            }
+            if sound {
+                return true;
+            }
+            tape.cut(begin);
+            motion.copy_from(&self.saved);
+        }
+        false
     }
 }

@@ -15,7 +15,7 @@ use crate::vec2::Vec2;
 const TOLERANCE: f64 = 1e-10;
 
 /// Memory for the elimination of one block of rods.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Elimination<R> {
     /// Of each node but the first, what elimination leaves.
     rows: Vec<Row<R>>,
@@ -26,6 +26,8 @@ pub struct Elimination<R> {
     slopes: Vec<[Vec<Vec2<R>>; 2]>,
     /// By how much the acceleration of the second node jumps at the start of a step, with the torque.
     jump: Vec2<R>,
+    /// Multiplies the tolerance.
+    pub sharpness: f64,
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -44,6 +46,7 @@ impl<R: Real> Elimination<R> {
             border: Border::new(nodes),
             slopes: (0..slopes).map(|_| [zeros(), zeros()]).collect(),
             jump: Vec2::zero(),
+            sharpness: 1.0,
         }
     }
 }
@@ -86,8 +89,8 @@ impl<R: Real, D: Drive<R>> System<R> for Pinned<'_, R, D> {
         let Motion { x, v, a, a_before } = &mut *self.motion;
         std::mem::swap(a, a_before);
         for i in 1..x.len() {
-            let x0 = stage.origin(start.x[i], x, &before.x, i);
-            let v0 = stage.origin(start.v[i], v, &before.v, i);
+            let x0 = stage.origin.of(start.x[i], x, &before.x, i);
+            let v0 = stage.origin.of(start.v[i], v, &before.v, i);
             (origin.x[i], origin.v[i]) = (x0, v0);
             let guess = a_before[i] + (a_before[i] - a[i]).scale(ahead);
             v[i] = v0 + guess.scale(stage.h);
@@ -144,7 +147,7 @@ impl<R: Real, D: Drive<R>> System<R> for Pinned<'_, R, D> {
     #[inline(always)]
     fn tolerance(&self) -> R {
         let length = (self.rod.nodes() - 1) as f64;
-        self.rod.rest[0] * R::splat((TOLERANCE * length).sqrt())
+        self.rod.rest[0] * R::splat((TOLERANCE * length).sqrt() * self.work.sharpness)
     }
 }
 

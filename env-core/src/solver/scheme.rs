@@ -36,6 +36,16 @@ impl Scheme {
         }
     }
 
+    /// Whether a step goes on from the acceleration at the end of the one before.
+    pub fn carries_acceleration(self) -> bool {
+        self.table().is_none_or(|table| table.slopes() > 0)
+    }
+
+    /// Whether a step starts from the one before it.
+    pub fn looks_back(self) -> bool {
+        self.table().is_some_and(|table| table.looks_back)
+    }
+
     /// The stages of an implicit scheme.
     pub fn table(self) -> Option<&'static Table> {
         match self {
@@ -248,16 +258,12 @@ impl Row {
     ) -> Stage<R> {
         let dt = dt * part.size;
         let mut size = R::splat(self.size);
-        let origin = match self.origin {
-            Origin::Start => Origin::Start,
-            Origin::Stage(weight) => Origin::Stage(R::splat(weight)),
-            Origin::Slopes { from, guess } => Origin::Slopes { from, guess },
-            Origin::Before(weight) => {
-                let there = R::zero().lt(known);
-                size = R::select(there, size, R::one());
-                Origin::Before(R::select(there, R::splat(weight), R::zero()))
-            }
-        };
+        let mut origin = self.origin.splat();
+        if let Origin::Before(weight) = &mut origin {
+            let there = R::zero().lt(known);
+            size = R::select(there, size, R::one());
+            *weight = R::select(there, *weight, R::zero());
+        }
         let h = R::splat(dt) * size;
         Stage {
             end: part.from + part.size * self.end,
@@ -274,18 +280,25 @@ impl Row {
     }
 }
 
-impl<R: Real> Stage<R> {
+impl Origin {
+    /// The same in every lane.
+    #[inline(always)]
+    pub fn splat<R: Real>(self) -> Origin<R> {
+        match self {
+            Origin::Start => Origin::Start,
+            Origin::Stage(weight) => Origin::Stage(R::splat(weight)),
+            Origin::Before(weight) => Origin::Before(R::splat(weight)),
+            Origin::Slopes { from, guess } => Origin::Slopes { from, guess },
+        }
+    }
+}
+
+impl<R: Real> Origin<R> {
     /// What the stage starts from at one node, for one of the state's vectors: at the start of the step, and of all
     /// nodes at the last stage and at the start of the step before.
     #[inline(always)]
-    pub fn origin(
-        &self,
-        start: Vec2<R>,
-        last: &[Vec2<R>],
-        before: &[Vec2<R>],
-        node: usize,
-    ) -> Vec2<R> {
-        match self.origin {
+    pub fn of(&self, start: Vec2<R>, last: &[Vec2<R>], before: &[Vec2<R>], node: usize) -> Vec2<R> {
+        match *self {
             // (Of slopes the system itself keeps account.)
             Origin::Start | Origin::Slopes { .. } => start,
             Origin::Stage(weight) => start + (last[node] - start).scale(weight),

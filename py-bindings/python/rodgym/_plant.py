@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import operator
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,9 +11,11 @@ import numpy.typing as npt
 from gymnasium.spaces import Box
 
 from rodgym import _native, machines
-from rodgym._checks import refused, snapshot, whole
+from rodgym._checks import numbers, refused, snapshot, whole
 from rodgym._plain import plain as plain
 from rodgym._settings import Fixed, Settable
+from rodgym.derivatives import RolloutGradient, StepJacobian, names
+from rodgym.errors import ShapeError
 
 if TYPE_CHECKING:
     from rodgym.backend import Batch
@@ -81,6 +84,11 @@ class Plant(Settable, Fixed):
         return self._batch.observe(self._index)
 
     @property
+    def last_observation(self) -> npt.NDArray[np.float32]:
+        """What the last reset or step showed, before any wrapper, a copy."""
+        return self._batch.observe(self._index)
+
+    @property
     def positions(self) -> Array:
         """Positions of the nodes [m], shape (nodes, 2), a copy."""
         return self._batch.nodes(self._index)[0]
@@ -124,6 +132,50 @@ class Plant(Settable, Fixed):
         """
         simulation: type[Simulation] = machines.load(machines.of(self.core_spec).simulation)
         return simulation.of(self)
+
+    def step_jacobian(self, action: npt.ArrayLike, parameters: Sequence[str] = ()) -> StepJacobian:
+        """Exact derivatives of the control step that `action` would make; the environment stays
+        where it is.
+
+        The state is the vector of `.simulation.get_vector()`; with an `actuator_delay` the torques
+        on their way to the motor [N m] follow, newest first. Autoreset and time limit have no
+        derivatives; noise is what the step would draw. docs/derivatives.md says what is smooth.
+
+        Arguments:
+            action: one action (a,); beyond the bounds it is clipped, and has no slope.
+            parameters: names of physical parameters to differentiate by, too.
+
+        Raises:
+            ParameterError: a name that is no parameter, a fin.
+            ActionError, ShapeError: no action.
+            SolverError: the solver gives up in this step.
+        """
+        found = self._batch.step_jacobian(self._index, action, names(parameters))
+        return StepJacobian(**found)
+
+    def rollout_gradient(
+        self, actions: npt.ArrayLike, parameters: Sequence[str] = ()
+    ) -> RolloutGradient:
+        """Exact gradients of the sum of rewards that these actions would bring from here on; the
+        environment stays where it is.
+
+        The sum ends with the last action, or where the task ends the episode.
+
+        Arguments:
+            actions: (t, a), one a control step.
+            parameters: names of physical parameters to differentiate by, too.
+
+        Raises:
+            ParameterError: a name that is no parameter, a fin.
+            ActionError, ShapeError: no actions.
+            SolverError: the solver gives up in one of the steps.
+        """
+        array = numbers("actions", actions)
+        size = self._batch.spec["action"]["low"]
+        if array.ndim != 2 or array.shape[1] != len(size):
+            raise ShapeError(f"actions has shape {array.shape}, but (t, {len(size)}) is needed")
+        found = self._batch.rollout_gradient(self._index, array, names(parameters))
+        return RolloutGradient(**found)
 
     def __getattr__(self, name: str) -> Any:
         """`simulation` by the machine's own word; another machine's word says what is here."""

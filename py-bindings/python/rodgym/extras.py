@@ -11,13 +11,16 @@ from itertools import combinations
 
 #: Modules by extra, as `pyproject.toml` has them; small extras first, which are proposed first.
 EXTRAS: dict[str, tuple[str, ...]] = {
-    "render": ("pygame", "PIL"),
-    "report": ("matplotlib", "jinja2", "PIL", "yaml"),
+    "render": ("pygame", "PIL", "imageio_ffmpeg"),
+    "report": ("matplotlib", "jinja2", "PIL", "imageio_ffmpeg", "yaml"),
     "remote": ("zmq", "msgpack"),
+    "export": ("onnx", "onnxruntime"),
+    "data": ("pyarrow", "minari", "h5py"),
     "ray": ("ray", "yaml", "matplotlib"),
+    "tune": ("optuna",),
     "train": (
-        "stable_baselines3", "tensorboard", "torch", "rich", "tqdm",
-        "matplotlib", "jinja2", "PIL", "yaml",
+        "stable_baselines3", "sb3_contrib", "tensorboard", "torch", "rich", "tqdm",
+        "matplotlib", "jinja2", "PIL", "imageio_ffmpeg", "yaml",
     ),
 }  # fmt: skip
 

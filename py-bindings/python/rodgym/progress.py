@@ -42,11 +42,12 @@ class Bar:
         if self.bar is not None:
             self.bar.stop()
 
-    def at(self, done: int) -> None:
-        """Sets how much is done."""
+    def at(self, done: int, total: int | None = None) -> None:
+        """Sets how much is done, and of how much, where that is known only now."""
+        self.total = total or self.total
         self.done = min(done, self.total)
         if self.bar is not None:
-            self.bar.update(self.task, completed=self.done)
+            self.bar.update(self.task, completed=self.done, total=self.total)
 
     def say(self, text: str) -> None:
         """Shows where the work stands."""

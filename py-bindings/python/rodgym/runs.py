@@ -10,6 +10,7 @@ import os
 import platform
 import re
 import shlex
+import subprocess
 import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -23,7 +24,7 @@ PACKAGES = ("rodgym", "gymnasium", "numpy", "stable-baselines3", "torch", "matpl
 
 def default_name(command: str, env_id: str) -> str:
     """``compare`` and ``rodgym/PendulumSwingUp-v0`` make ``compare-pendulumswingup``."""
-    machine = env_id.rpartition("/")[2].partition("-v")[0].lower()
+    machine = re.split("[:/]", env_id)[-1].partition("-v")[0].lower()
     return f"{command}-{machine}"
 
 
@@ -33,7 +34,8 @@ class RunError(rodgym.RodgymError, ValueError):
 
 @dataclass
 class Run:
-    """Where results land. Files of an earlier run of the same name are replaced one by one.
+    """Where results land. Files of an earlier run of the same name are replaced one by one; a run
+    that must replace nothing is :meth:`beside` the earlier ones.
 
     The folder is made when its first file is asked for, so that a run which is refused leaves none.
 
@@ -54,6 +56,14 @@ class Run:
             )
         self.root = Path(self.root)
         self.facts = {**provenance(), **self.facts}
+
+    def beside(self) -> Run:
+        """Itself, or, where its folder holds an earlier run, the first free ``name-2``, ..."""
+        number, run = 1, self
+        while run.path.exists() and (not run.path.is_dir() or any(run.path.iterdir())):
+            number += 1
+            run = Run(f"{self.name}-{number}", self.root, self.facts)
+        return run
 
     @property
     def path(self) -> Path:
@@ -95,8 +105,28 @@ def provenance() -> dict[str, Any]:
         "command": command_line(),
         "date": datetime.datetime.now(datetime.timezone.utc).strftime("%Y-%m-%d %H:%M UTC"),
         "versions": versions(),
+        "commit": commit(),
         "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores",
     }
+
+
+def commit() -> str | None:
+    """The commit of rodgym's own clone, with a + where files differ from it; None elsewhere."""
+    clone = Path(rodgym.__file__).parents[3]
+    if not (clone / "py-bindings").is_dir():
+        return None
+
+    def git(*words: str) -> str | None:
+        try:
+            done = subprocess.run(
+                ["git", "-C", str(clone), *words], capture_output=True, text=True, timeout=10
+            )
+        except (OSError, subprocess.TimeoutExpired):
+            return None
+        return done.stdout.strip() if done.returncode == 0 else None
+
+    head = git("rev-parse", "HEAD")
+    return None if head is None else head + ("+" if git("status", "--porcelain") else "")
 
 
 def command_line() -> str:
@@ -117,9 +147,9 @@ def versions() -> dict[str, str]:
     return {"python": platform.python_version(), **installed}
 
 
-def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+def write_csv(path: str | Path, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
     """Writes a table; floats with all their digits."""
-    with path.open("w", newline="", encoding="utf-8") as stream:
+    with Path(path).open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(header)
         writer.writerows(rows)

@@ -6,10 +6,12 @@ Needs `pip install "rodgym[train]"`.
 from __future__ import annotations
 
 import copy
+import importlib
 import inspect
 import math
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
@@ -18,6 +20,7 @@ import numpy.typing as npt
 from gymnasium.vector import AutoresetMode
 
 try:
+    from stable_baselines3.common import env_util
     from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 except ImportError as error:  # pragma: no cover
     raise ImportError('rodgym.sb3 needs Stable-Baselines3: pip install "rodgym[train]"') from error
@@ -29,7 +32,7 @@ from rodgym._plant import Member, box, plain
 from rodgym._registration import REMOTE
 from rodgym._settings import Fixed, Many
 from rodgym.backend import LOCAL, Backend
-from rodgym.errors import EnvIndexError, ShapeError
+from rodgym.errors import EnvIndexError, ParameterError, ShapeError
 
 if TYPE_CHECKING:
     from gymnasium.envs.registration import EnvSpec
@@ -40,24 +43,43 @@ Indices = int | Iterable[int] | None
 
 
 def make_vec_env(
-    env_id: str,
+    env_id: str | Callable[..., gym.Env],
     n_envs: int = 1,
     seed: int | None = None,
+    start_index: int = 0,
     monitor_dir: str | None = None,
+    wrapper_class: Callable[..., gym.Env] | None = None,
     env_kwargs: dict[str, Any] | None = None,
+    vec_env_cls: type[VecEnv] | None = None,
+    vec_env_kwargs: dict[str, Any] | None = None,
+    monitor_kwargs: dict[str, Any] | None = None,
+    wrapper_kwargs: dict[str, Any] | None = None,
     *,
     monitor: bool = True,
     server: str | None = None,
     **kwargs: Any,
 ) -> VecEnv:
-    """A batch for Stable-Baselines3, with the first arguments of its own `make_vec_env`.
+    """A batch for Stable-Baselines3, with the arguments of its own `make_vec_env`, by name and by
+    place.
+
+    The batch is the native one, unless environments are to be wrapped one by one (`wrapper_class`),
+    or are made by a function, or a `vec_env_cls` is asked for: then Stable-Baselines3 makes it of
+    single environments, with the same episodes and a fraction of the speed.
 
     Arguments:
-        env_id: id such as `"rodgym/PendulumSwingUp-v0"`.
+        env_id: id such as `"rodgym/PendulumSwingUp-v0"`, also behind the module that registers it
+            (`"rodgym:rodgym/PendulumSwingUp-v0"`), or a function that makes an environment.
         n_envs: number of environments.
         seed: seed of the first reset; environment i takes seed + i.
-        monitor_dir: file prefix for `VecMonitor`'s CSV of returns.
+        start_index: number of the first environment in the name of the monitor's file.
+        monitor_dir: folder for a CSV of returns, `START_INDEX.monitor.csv`, which
+            `stable_baselines3.common.monitor.load_results` reads.
+        wrapper_class: a wrapper around each environment.
         env_kwargs: keywords of the environment, for callers that keep them apart.
+        vec_env_cls: `DummyVecEnv` or `SubprocVecEnv`, instead of the native batch.
+        vec_env_kwargs: keywords of that class; of the native batch, those of `RodVecEnv`.
+        monitor_kwargs: `info_keywords`: numbers of an episode's last info that the CSV has too.
+        wrapper_kwargs: keywords of `wrapper_class`.
         monitor: wrap in a `Monitor`, so that learning curves have returns.
         server: address such as `"tcp://host:5555"` of a `rodgym serve` that computes the batch;
             then `keys`, `server_key`, `timeout` and `recover` as for `rodgym.remote.connect`.
@@ -65,19 +87,77 @@ def make_vec_env(
             `max_episode_steps`, `render_mode`, `render_size`.
     """
     kwargs = {**checks.mapping("env_kwargs", env_kwargs), **kwargs}
-    if env_id == REMOTE:
+    monitor_kwargs = checks.mapping("monitor_kwargs", monitor_kwargs)
+    if callable(env_id) or wrapper_class is not None or vec_env_cls is not None:
+        if server is not None:
+            raise ParameterError(
+                f"server = {server!r} is not allowed with a wrapper_class, a vec_env_cls or a "
+                "function: a server computes native batches"
+            )
+        # Threads are those of a native batch.
+        kwargs.pop("num_threads", None)
+        return env_util.make_vec_env(
+            env_id,
+            n_envs,
+            seed,
+            start_index,
+            monitor_dir,
+            wrapper_class,
+            kwargs,
+            vec_env_cls,  # type: ignore[arg-type]
+            vec_env_kwargs,
+            monitor_kwargs,
+            wrapper_kwargs,
+        )
+    if wrapper_kwargs:
+        raise ParameterError(f"wrapper_kwargs = {wrapper_kwargs!r} needs a wrapper_class")
+    kwargs |= checks.mapping("vec_env_kwargs", vec_env_kwargs)
+    name: str = imported(env_id)
+    if name == REMOTE:
         # As in `gym.make`, where server and environment are keywords.
-        server, env_id = kwargs.pop("server", server), kwargs.pop("env_id", env_id)
+        server, name = kwargs.pop("server", server), kwargs.pop("env_id", name)
     if server is not None:
         from rodgym.remote import Server
 
         names = ("keys", "server_key", "timeout", "recover")
-        where = {name: kwargs.pop(name) for name in names if name in kwargs}
+        where = {key: kwargs.pop(key) for key in names if key in kwargs}
         kwargs["backend"] = Server(server, **where)
-    env: VecEnv = RodVecEnv(env_id, n_envs, **kwargs)
+    env: VecEnv = RodVecEnv(name, n_envs, **kwargs)
     if seed is not None:
         env.seed(seed)
-    return Monitor(env, monitor_dir) if monitor else env
+        number = checks.seed(seed)
+        assert isinstance(number, int)
+        env.action_space.seed(number + start_index)
+    if not monitor:
+        return env
+    if monitor_dir is not None:
+        Path(monitor_dir).mkdir(parents=True, exist_ok=True)
+        monitor_dir = str(Path(monitor_dir) / str(start_index))
+    return Monitor(env, monitor_dir, info_keywords(monitor_kwargs))
+
+
+def imported(env_id: Any) -> Any:
+    """An id without the module in front of it, which is imported now, as `gym.make` does it."""
+    if not isinstance(env_id, str) or ":" not in env_id:
+        return env_id
+    module, _, rest = env_id.partition(":")
+    try:
+        importlib.import_module(module)
+    except (ImportError, ValueError) as error:
+        raise ParameterError(f"env_id = {env_id!r}: module {module!r} is not found") from error
+    return rest
+
+
+def info_keywords(monitor_kwargs: dict[str, Any]) -> tuple[str, ...]:
+    """What a batch's monitor writes beside return, length and time; the rest must be as it is."""
+    usual = {"allow_early_resets": True, "override_existing": True}
+    for name, value in monitor_kwargs.items():
+        if name != "info_keywords" and usual.get(name) is not value:
+            raise ParameterError(
+                f"monitor_kwargs: {name} = {value!r} is not allowed: the monitor of a native batch "
+                "takes info_keywords, allows early resets and begins a new file"
+            )
+    return tuple(monitor_kwargs.get("info_keywords", ()))
 
 
 class Monitor(VecMonitor):

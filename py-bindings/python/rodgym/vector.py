@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
@@ -16,6 +16,7 @@ from rodgym._infos import InfoBuilder
 from rodgym._plant import Frame, Member, box, plain
 from rodgym._settings import Fixed, Many
 from rodgym.backend import LOCAL, Backend
+from rodgym.derivatives import RolloutGradient, StepJacobian
 from rodgym.errors import ShapeError
 
 if TYPE_CHECKING:
@@ -193,6 +194,35 @@ class RodVectorEnv(Many, Fixed, VectorEnv[Observations, Any, Any]):
         else:
             infos = self._infos.step(result, own.parameters)
         return result.observation, result.reward, result.terminated, result.truncated, infos
+
+    def step_jacobian(self, actions: Any, parameters: Sequence[str] = ()) -> StepJacobian:
+        """`step_jacobian` of every member under its own row of `actions` (num_envs, a).
+
+        Returns:
+            The same arrays with a first axis of num_envs.
+        """
+        rows = checks.actions(actions)
+        self._check_rows(rows, rows.ndim == 2)
+        each = zip(self.members, rows, strict=True)
+        found = [member.step_jacobian(row, parameters) for member, row in each]
+        return StepJacobian(*map(np.stack, zip(*found, strict=True)))
+
+    def rollout_gradient(self, actions: Any, parameters: Sequence[str] = ()) -> RolloutGradient:
+        """`rollout_gradient` of every member for its own `actions` (num_envs, t, a).
+
+        Returns:
+            The same arrays with a first axis of num_envs.
+        """
+        rows = checks.actions(actions)
+        self._check_rows(rows, rows.ndim == 3)
+        each = zip(self.members, rows, strict=True)
+        found = [member.rollout_gradient(row, parameters) for member, row in each]
+        return RolloutGradient(*map(np.stack, zip(*found, strict=True)))
+
+    def _check_rows(self, rows: Any, fits: bool) -> None:
+        if not fits or len(rows) != self.num_envs:
+            needed = f"one row for each of {self.num_envs} environments"
+            raise ShapeError(f"actions has shape {rows.shape}, but {needed} is needed")
 
     def get_state(self, indices: Any = None) -> list[bytes]:
         """Snapshots of all environments, or of those in `indices`."""

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from rodgym import _native, machines
 from rodgym._checks import numbers, refused
+from rodgym._layers import changing
 from rodgym.errors import ParameterError, ShapeError
 
 State = npt.NDArray[np.float64]
@@ -17,14 +18,30 @@ Self = TypeVar("Self", bound="Controller")
 
 
 def describe(env: Any) -> dict[str, Any]:
-    """The `core_spec` of an environment, whose wrappers must leave the observation as it is."""
+    """The `core_spec` of an environment whose wrappers leave observations and actions as they are.
+
+    Raises:
+        ParameterError: not an environment of rodgym, or one behind wrappers that change them.
+    """
     spec = machines.spec_of(env)
-    space = getattr(env, "single_observation_space", None) or env.observation_space
-    if space.shape != (len(spec["observation"]["names"]),):
-        raise ParameterError(
-            f"observation_space = {space} is not allowed: it must be the one that rodgym defines"
-        )
+    named = changing(env)
+    for what in ("observation", "action"):
+        space = getattr(env, f"single_{what}_space", None) or getattr(env, f"{what}_space", None)
+        if named or (space is not None and what in spec and not _is(space, spec[what])):
+            behind = f" behind {' and '.join(named)}" if named else ""
+            raise ParameterError(
+                f"{what}_space = {space}{behind} is not allowed: it must be the one that rodgym "
+                "defines, for a controller takes its numbers for what rodgym says they are"
+            )
     return spec
+
+
+def _is(space: Any, own: dict[str, Any]) -> bool:
+    """Whether a space has the bounds that the core defines."""
+    return all(
+        np.array_equal(getattr(space, side, np.nan), np.asarray(own[side], np.float32))
+        for side in ("low", "high")
+    )
 
 
 class Controller:
@@ -38,14 +55,22 @@ class Controller:
     name: ClassVar[str]
     #: What tables call it; empty: its name.
     title: ClassVar[str] = ""
+    #: Whether it is found by playing the environment as that draws its parameters.
+    plays: ClassVar[bool] = False
+    #: Whether it learns its machine: what an environment draws is then what it believes possible.
+    learns: ClassVar[bool] = False
 
     def __init__(self, spec: dict[str, Any]) -> None:
         """Designs the law for an environment's `core_spec` (see `for_env`)."""
         self._native = _native.Controller(self.name, spec)
+        #: Names of the physical parameters.
+        self._physical = [parameter["name"] for parameter in spec.get("parameters", ())]
 
     @classmethod
     def for_env(cls: type[Self], env: Any) -> Self:
         """Designs the law for an environment, a vector environment or an SB3 `VecEnv`.
+
+        That is for its nominal parameters, where it draws some.
 
         Raises:
             ParameterError: not an environment that this law can play.
@@ -57,6 +82,34 @@ class Controller:
     def config(self) -> dict[str, Any]:
         """Keywords of the environment it was designed for."""
         return self._native.config
+
+    @property
+    def design(self) -> dict[str, Any]:
+        """Physical parameters that it was designed for, by keyword: values, or the range from which
+        they were drawn when it was found by playing.
+        """
+        values = {name: self.config[name] for name in self._physical}
+        return {**values, **(self.config.get("randomize") or {})} if self.plays else values
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """What the design settled on, by name; of a gait `amplitude` (of the action), `frequency`
+        [Hz] and `found_return` (mean of the search).
+        """
+        return self._native.parameters
+
+    def fits(self, env: Any) -> None:
+        """Refuses an environment that shows or takes other numbers than those of the design.
+
+        Raises:
+            ParameterError: wrappers that change them, or another observation.
+        """
+        size = len(describe(env)["observation"]["names"])
+        if size != self._native.observation_size:
+            raise ParameterError(
+                f"{self!r} needs observations of {self._native.observation_size} numbers, but this "
+                f"environment shows {size}"
+            )
 
     @property
     def state_size(self) -> int:
@@ -106,7 +159,11 @@ class Controller:
         return (action[0] if array.ndim == 1 else action), memory
 
     def __repr__(self) -> str:
-        return f"{type(self).__name__}()"
+        made_for = ", ".join(
+            f"{name}={value:g}" if isinstance(value, float) else f"{name}={value}"
+            for name, value in self.design.items()
+        )
+        return f"{type(self).__name__}({made_for})"
 
 
 class Lqr(Controller):
@@ -133,11 +190,39 @@ class Lqg(Controller):
     """Output feedback: an extended Kalman filter of order 12 at most, and the regulator of `Lqr`.
 
     Sees base angle and rate only (observation="base"), of rods with any number of nodes. An
-    observation that is NaN is a lost sample.
+    observation that is NaN is a lost sample. It knows the `actuator_delay` that the environment
+    declares.
     """
 
     name = "lqg"
     title = "LQG"
+
+
+class LqgAdaptive(Controller):
+    """Output feedback of a rod that is only roughly known: eight filters that learn it.
+
+    The rods that it believes possible are those that the environment draws (`randomize`); where it
+    draws none, those about the nominal one. Of these it learns stiffness and mass. Sees what `Lqg`
+    sees.
+    """
+
+    name = "lqg-adaptive"
+    title = "adaptive LQG"
+    learns = True
+
+    def estimate(self, state: State) -> dict[str, npt.NDArray[np.float64]]:
+        """What it has found out of the rod.
+
+        Arguments:
+            state: what `predict` returned last, (n, state_size).
+
+        Returns:
+            By name an array (n, 3): best value, and the ends of the interval that holds the truth
+            in nine of ten episodes. `bending_stiffness` E I [N m^2] and `mass` [kg] are always
+            there; `youngs_modulus` [Pa] and `width` [m] where the density is known.
+        """
+        told = self._native.estimate(np.atleast_2d(numbers("state", state)))
+        return {name: values for name, (_, values) in told.items()}
 
 
 class ThesisLqr(Controller):
@@ -168,6 +253,7 @@ class Gait(Controller):
 
     name = "gait"
     title = "best gait"
+    plays = True
 
     @classmethod
     def for_env(cls, env: Any, waveform: str | None = None) -> Gait:
@@ -182,11 +268,6 @@ class Gait(Controller):
             known = ", ".join(repr(name) for name in laws)
             raise refused("waveform", waveform, f"one of {known}")
         return laws[waveform](describe(env))
-
-    @property
-    def parameters(self) -> dict[str, float]:
-        """`amplitude` (of the action), `frequency` [Hz], `found_return` (mean of the search)."""
-        return self._native.parameters
 
 
 class SineGait(Gait):
@@ -215,6 +296,7 @@ _LAWS: tuple[type[Controller], ...] = (
     Lqr,
     HybridLqr,
     Lqg,
+    LqgAdaptive,
     ThesisLqr,
     ThesisLqg,
     Gait,

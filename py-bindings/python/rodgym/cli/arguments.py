@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from rodgym._literal import literal
+from rodgym.evaluation.bands import BANDS
 from rodgym.evaluation.conditions import CHOSEN
 from rodgym.extras import missing
 
@@ -19,13 +20,30 @@ class UsageError(Exception):
 
 
 def env_id(text: str) -> str:
-    """An environment's id; the namespace may be left out, and so may the version."""
+    """An environment's id; the namespace may be left out, and so may the version.
+
+    One of the user's own stands behind the module that registers it: ``mine.py:My/Env-v0``.
+    """
+    import gymnasium as gym
+
     from rodgym._registration import ENVIRONMENTS, REMOTE
 
     known = sorted((*ENVIRONMENTS, REMOTE))
     for candidate in (text, f"rodgym/{text}", f"rodgym/{text}-v0"):
         if candidate in known:
             return candidate
+    module, _, name = text.rpartition(":")
+    if module:
+        from rodgym._own import module_of
+        from rodgym.errors import ParameterError
+
+        try:
+            module_of(module)
+        except ParameterError as error:
+            raise argparse.ArgumentTypeError(str(error)) from error
+        if name in gym.registry:
+            return text
+        raise argparse.ArgumentTypeError(f"{module} registers no environment {name!r}")
     raise argparse.ArgumentTypeError(
         f"there is no environment {text!r}; there are {', '.join(known)}"
     )
@@ -177,6 +195,55 @@ def add_env(parser: argparse.ArgumentParser, default: str | None = DEFAULT_ENV) 
     )
 
 
+def design(text: str) -> Any:
+    """``nominal``, ``each``, ``drawn``, or a keyword and its value."""
+    from rodgym.evaluation.design import WORDS
+
+    if text in WORDS:
+        return text
+    if "=" not in text:
+        words = ", ".join(WORDS)
+        raise argparse.ArgumentTypeError(f"{text!r} is neither NAME=VALUE nor one of {words}")
+    return key_value(text)
+
+
+def add_designs(parser: argparse.ArgumentParser) -> None:
+    """``--design``."""
+    parser.add_argument(
+        "--design",
+        type=design,
+        action="append",
+        default=[],
+        metavar="nominal|each|NAME=VALUE",
+        help="what controllers are designed for: the environment's nominal parameters, every "
+        "episode's own, or these values; may be repeated (default: each and nominal where "
+        "parameters are drawn)",
+    )
+
+
+def designs(given: Sequence[Any]) -> list[Any]:
+    """What ``--design`` asks for: every word is a design, all values together are one."""
+    words = [one for one in given if isinstance(one, str)]
+    values = dict(one for one in given if not isinstance(one, str))
+    return list(dict.fromkeys(words)) + ([values] if values else [])
+
+
+def statistics(text: str) -> Any:
+    """A file of statistics; ``none``: no normalisation."""
+    return False if text == "none" else text
+
+
+def add_normalize(parser: argparse.ArgumentParser) -> None:
+    """``--normalize``."""
+    parser.add_argument(
+        "--normalize",
+        type=statistics,
+        metavar="FILE|none",
+        help="statistics of the VecNormalize that a trained policy was trained behind (default: "
+        "vecnormalize.pkl beside the policy, where there is one)",
+    )
+
+
 def add_seeds(parser: argparse.ArgumentParser) -> None:
     """``--seeds``."""
     parser.add_argument(
@@ -186,6 +253,31 @@ def add_seeds(parser: argparse.ArgumentParser) -> None:
         metavar="N|FIRST:END",
         help="episodes to play: one per seed (default 100: the seeds 0 to 99)",
     )
+
+
+def add_band(parser: argparse.ArgumentParser) -> None:
+    """``--band``: conditions of a standard evaluation."""
+    parser.add_argument(
+        "--band",
+        choices=BANDS,
+        default=BANDS[0],
+        help="conditions to play under: nominal (default); starts: from any angle, turning; "
+        "rods: machines about the nominal one, drawn each episode (docs/robustness.md)",
+    )
+
+
+def add_trajectories(parser: argparse.ArgumentParser) -> None:
+    """``--trajectories``."""
+    parser.add_argument(
+        "--trajectories",
+        choices=("csv", "parquet"),
+        help="also write every step of every episode: what was seen, done and earned",
+    )
+
+
+def add_force(parser: argparse.ArgumentParser) -> None:
+    """``--force``."""
+    parser.add_argument("--force", action="store_true", help="replace an earlier run of this name")
 
 
 def add_run(

@@ -24,9 +24,25 @@ def need(*modules: str) -> None:
 
 
 def of_policy(*sources: str) -> tuple[str, ...]:
-    """What policies need: trained ones are played by Stable-Baselines3."""
-    trained = any(source == "zoo" or Path(source).exists() for source in sources)
-    return ("stable_baselines3",) if trained else ()
+    """What policies need: ONNX files their runtime, other trained ones Stable-Baselines3."""
+    from rodgym.zoo import is_zoo
+
+    trained = [source for source in sources if is_zoo(source) or Path(source).exists()]
+    exported = [source for source in trained if source.endswith(".onnx")]
+    return (
+        *(("onnxruntime",) if exported else ()),
+        *(("stable_baselines3",) if len(trained) > len(exported) else ()),
+    )
+
+
+def of_algorithm(name: str | None) -> tuple[str, ...]:
+    """What an algorithm needs beside a training: some are in another package."""
+    from rodgym.zoo.algorithms import AlgorithmError, package_of
+
+    try:
+        return () if name is None else (package_of(name),)
+    except AlgorithmError:
+        return ()  # It is refused where it is asked for.
 
 
 def of_env(env_id: str | None) -> tuple[str, ...]:
@@ -34,3 +50,8 @@ def of_env(env_id: str | None) -> tuple[str, ...]:
     from rodgym._registration import REMOTE
 
     return ("zmq", "msgpack") if env_id == REMOTE else ()
+
+
+def of_data(table: str | None, dataset: str | None) -> tuple[str, ...]:
+    """What a table of steps and a data set need."""
+    return (*(("pyarrow",) if table == "parquet" else ()), *(("minari", "h5py") if dataset else ()))

@@ -71,7 +71,7 @@ class FinEnv(RodEnv):
 
     Terms are in `info["reward_terms"]` and add up to the reward. Thrust T is what water gives for
     good: momentum shed at the tail and resistive forces, not the momentum lent to the moved water
-    (it comes back). Power P counts only while the servo gives it.
+    (it comes back). Power P counts only while the servo gives it; w is `power_weight`.
 
     | task | term | value | range |
     |---|---|---|---|
@@ -82,7 +82,7 @@ class FinEnv(RodEnv):
     | Swim | `speed` | forward speed / 0.1 m/s | -4 ... 4 |
     | | `power` | -w P / 0.05 W | -16 ... 0 |
 
-    w is `power_weight`: 1, and 0.5 with `thesis=True`, whose stiff and damped fin would earn
+    `power_weight` is 1, and 0.5 with `thesis=True`, whose stiff and damped fin would earn
     nothing at the usual price of power, however it is moved.
 
     The bounds are clips far from what a fin can do, so that the terms are linear in between: a

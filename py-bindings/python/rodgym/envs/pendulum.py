@@ -72,7 +72,8 @@ class PendulumEnv(RodEnv):
 
     ## Starting State
 
-    SwingUp: straight rod at rest, angle U(-0.1, 0.1) rad from hanging (`start_angle`). Balance: at
+    SwingUp: straight rod at rest (`start_rate`: turning), angle U(-0.1, 0.1) rad from hanging
+    (`start_angle`). Balance: at
     rest, base angle pi + U(-0.05, 0.05) rad, bent so that the angle grows by U(-0.2, 0.2) rad from
     first to last edge (`start_bend`). `info["parameters"]` has the episode's physical parameters.
 

@@ -6,6 +6,7 @@
 1.0
 """
 
+from rodgym.evaluation.bands import band_keywords, bands
 from rodgym.evaluation.episodes import Evaluation, evaluate
 from rodgym.evaluation.policies import Policy, PolicyError, controller_names, load_policy
 from rodgym.evaluation.record import Record, record
@@ -18,6 +19,8 @@ __all__ = [
     "Policy",
     "PolicyError",
     "Record",
+    "band_keywords",
+    "bands",
     "comparison_table",
     "controller_names",
     "evaluate",

@@ -1,153 +1,139 @@
-"""Anything with ``predict``: where policies come from by name or by file."""
+"""Where policies come from: a controller's name, a saved policy, a class of somebody's own."""
 
 from __future__ import annotations
 
-import json
-import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol, TypeAlias
+from typing import Any
 
-import gymnasium as gym
-import numpy as np
-from numpy.typing import NDArray
+from rodgym import _native, machines
+from rodgym._layers import running
+from rodgym._own import is_named
+from rodgym.baselines import CONTROLLERS, Controller
+from rodgym.errors import ParameterError
+from rodgym.evaluation import own
+from rodgym.evaluation.adapters import Normalized, Stacked, behind
+from rodgym.evaluation.design import NOMINAL, Design, design_of, designed
+from rodgym.evaluation.origin import Origin
+from rodgym.evaluation.policy import AnyEnv, Policy, PolicyError, Random, Zero, check_policy
+from rodgym.evaluation.saved import CARD, STATISTICS, read_card
+from rodgym.zoo import is_zoo, zoo_policy
 
-import rodgym
-from rodgym import _checks as checks
-from rodgym import _native
-from rodgym.zoo import zoo_policy
+__all__ = [
+    "CARD",
+    "IDLE",
+    "STATISTICS",
+    "Normalized",
+    "Player",
+    "Policy",
+    "PolicyError",
+    "Random",
+    "Stacked",
+    "Zero",
+    "behind",
+    "controller_names",
+    "find",
+    "load_policy",
+    "read_card",
+    "ready",
+]
 
-AnyEnv: TypeAlias = "gym.Env[Any, Any] | gym.vector.VectorEnv[Any, Any, Any]"
-
-#: Member of a saved policy's zip file that says how it was trained.
-CARD = "rodgym.json"
-
-
-class PolicyError(rodgym.RodgymError, ValueError):
-    """A policy that cannot be found, read or used in this environment."""
-
-
-class Policy(Protocol):
-    """The signature of a Stable-Baselines3 policy, which every controller of rodgym has too."""
-
-    def predict(
-        self,
-        observation: Any,
-        state: Any = None,
-        episode_start: Any = None,
-        deterministic: bool = False,
-    ) -> tuple[Any, Any]:
-        """Actions (n, a) for observations (n, d), and the policy's own state for the next call."""
-
-
-def check_policy(policy: object) -> None:
-    """Refuses what is neither a name nor has `predict`."""
-    if not isinstance(policy, str) and not callable(getattr(policy, "predict", None)):
-        raise PolicyError(f"policy = {policy!r} is not allowed: it must be a name or have predict")
-
-
-def label_of(policy: str | Policy, name: str | None) -> str:
-    """What tables call a policy."""
-    return name or (policy if isinstance(policy, str) else type(policy).__name__)
-
-
-def ask(
-    policy: Policy, observation: NDArray[np.float32], state: Any, start: NDArray[np.bool_]
-) -> tuple[NDArray[Any], Any]:
-    """Actions (n, a), deterministic, for observations (n, d), and the policy's next state.
-
-    Raises
-    ------
-    PolicyError: the policy does not answer with a pair of one action a row and a state
-    ShapeError: the actions are no numbers
-    """
-    answer = policy.predict(observation, state, start, deterministic=True)
-    if not isinstance(answer, tuple) or len(answer) != 2:
-        raise PolicyError(
-            f"{type(policy).__name__}.predict returned {answer!r}, but (actions, state) is needed"
-        )
-    action = checks.actions(answer[0])
-    if action.ndim != 2 or len(action) != len(observation):
-        raise PolicyError(
-            f"{type(policy).__name__}.predict returned actions of shape {action.shape} for "
-            f"observations of shape {observation.shape}: one row of actions a row is needed"
-        )
-    return action, answer[1]
-
-
-class Random:
-    """Uniform actions from a stream of its own, the same at every evaluation."""
-
-    def __init__(self, space: gym.spaces.Box, seed: int = 0) -> None:
-        self.space = space
-        self.rng = np.random.default_rng(seed)
-
-    def predict(
-        self,
-        observation: NDArray[np.float32],
-        state: Any = None,
-        episode_start: NDArray[np.bool_] | None = None,
-        deterministic: bool = False,
-    ) -> tuple[NDArray[np.float32], None]:
-        shape = (*observation.shape[:-1], *self.space.shape)
-        return self.rng.uniform(self.space.low, self.space.high, shape).astype(np.float32), None
-
-
-class Zero:
-    """No torque, no pitch: what the machine does alone."""
-
-    def __init__(self, space: gym.spaces.Box) -> None:
-        self.space = space
-
-    def predict(
-        self,
-        observation: NDArray[np.float32],
-        state: Any = None,
-        episode_start: NDArray[np.bool_] | None = None,
-        deterministic: bool = False,
-    ) -> tuple[NDArray[np.float32], None]:
-        return np.zeros((*observation.shape[:-1], *self.space.shape), np.float32), None
-
-
-class Stacked:
-    """A policy that sees the last ``depth`` observations, oldest first, as it did in training.
-
-    With ``own_actions`` (n numbers) each observation is followed by the action that led to it.
-    Before an episode's first observation there are zeros (``VecFrameStack`` of Stable-Baselines3).
-    """
-
-    def __init__(self, policy: Policy, depth: int, own_actions: int = 0) -> None:
-        self.policy = policy
-        self.depth = depth
-        self.own_actions = own_actions
-
-    def predict(
-        self,
-        observation: NDArray[np.float32],
-        state: Any = None,
-        episode_start: NDArray[np.bool_] | None = None,
-        deterministic: bool = False,
-    ) -> tuple[Any, tuple[Any, ...]]:
-        batch = np.atleast_2d(observation)
-        size = batch.shape[1] + self.own_actions
-        if state is None:
-            past = np.zeros((len(batch), (self.depth - 1) * size), batch.dtype)
-            last = np.zeros((len(batch), self.own_actions), batch.dtype)
-        else:
-            past, last = (part.copy() for part in state)
-            if episode_start is not None:
-                past[np.atleast_1d(episode_start)] = 0
-                last[np.atleast_1d(episode_start)] = 0
-        seen = np.concatenate([past, batch, last], axis=1)
-        action, _ = self.policy.predict(
-            seen if observation.ndim == 2 else seen[0], deterministic=deterministic
-        )
-        last = np.atleast_2d(action)[:, : self.own_actions]
-        return action, (seen[:, size:], last)
+#: Who reads a policy's file, `module:function` of path, card and environment, by the `kind` that
+#: its card says. A card that says none is of Stable-Baselines3.
+KINDS = {
+    "student": "rodgym.distil.policy:load",
+    "onnx": "rodgym.export.policy:load",
+}
+#: Policies that look at nothing.
+IDLE: dict[str, Callable[[Any], Policy]] = {"random": Random, "zero": Zero}
 
 
 def controller_names() -> list[str]:
     """Names that :func:`load_policy` takes beside files."""
-    return [*(name for name, _ in _native.controllers()), "random", "zero"]
+    return [*(name for name, _ in _native.controllers()), *IDLE]
+
+
+@dataclass(frozen=True)
+class Player:
+    """A policy that is ready to play in an environment."""
+
+    policy: Policy
+    #: What a controller was designed for, or what was otherwise in a policy's training.
+    design: str = ""
+
+
+def ready(
+    source: str | Policy,
+    env: AnyEnv,
+    env_id: str,
+    design: Design | None = None,
+    normalize: Any = None,
+) -> Player:
+    """A policy, by name or as an object, ready for an environment, with what it was made for.
+
+    Parameters
+    ----------
+    source, env: as for :func:`load_policy`
+    env_id: the environment's id
+    design: what a controller is designed for, see :mod:`rodgym.evaluation.design`
+    normalize: statistics of a trained policy's ``VecNormalize`` (itself or its file); None: those
+        that it brings along; False: none
+
+    Raises
+    ------
+    PolicyError: it cannot be found, or does not fit the environment
+    ParameterError: a design for something that is no controller
+    """
+    check_policy(source)
+    if kept := running(env):
+        raise ParameterError(
+            f"{kept[0]} of {env_id} is not allowed in an evaluation: its statistics run on, so "
+            "that no episode would be that of its seed (VecNormalize's statistics are kept)"
+        )
+    if isinstance(source, str) and source in CONTROLLERS:
+        if normalize not in (None, False):
+            raise PolicyError(f"normalize: {source!r} is a controller, which was not trained")
+        return Player(*designed(source, env, env_id, design))
+    if isinstance(source, Controller):
+        if design is not None:
+            raise ParameterError(f"design = {design!r}: {source!r} is designed already")
+        source.fits(env)
+        return Player(source, design_of(source, machines.spec_of(env)))
+    if design is not None:
+        raise ParameterError(f"design = {design!r} is for controllers; {source!r} is none")
+    policy, origin = _found(source, env, normalize)
+    if origin is None:
+        return Player(policy)
+    try:
+        changed = origin.differences(machines.spec_of(env), env_id)
+    except PolicyError as error:
+        who = source if isinstance(source, str) else type(source).__name__
+        raise PolicyError(f"{who} does not fit: {error}") from error
+    return Player(policy, f"trained: {changed}" if changed else "")
+
+
+def _found(source: str | Policy, env: AnyEnv, normalize: Any) -> tuple[Policy, Origin | None]:
+    if isinstance(source, str) and source in IDLE:
+        return IDLE[source](getattr(env, "single_action_space", env.action_space)), None
+    if isinstance(source, str) and is_named(source):
+        source = own.policy(source, env)
+    if not isinstance(source, str):
+        from rodgym.evaluation.trained import prepared
+
+        return prepared(source, env, normalize)
+    path = find(source, env)
+    card = read_card(path)
+    if "kind" not in card:
+        from rodgym.evaluation.trained import load_trained
+
+        return load_trained(path, env, normalize)
+    if card["kind"] not in KINDS:
+        known = ", ".join(KINDS)
+        raise PolicyError(f"{path}: kind {card['kind']!r} is not one of {known}")
+    if normalize not in (None, False):
+        raise PolicyError(f"normalize: {path} is a {card['kind']}, which normalises by itself")
+    return machines.load(KINDS[card["kind"]])(path, card, env), Origin.of_card(card)
 
 
 def load_policy(source: str, env: AnyEnv) -> Policy:
@@ -155,36 +141,28 @@ def load_policy(source: str, env: AnyEnv) -> Policy:
 
     Parameters
     ----------
-    source: a controller's name (:func:`controller_names`), ``zoo`` for the trained policy that
-        comes with rodgym, or the path of a saved policy (``runs/demo/policy.zip``)
-    env: environment that it will play in; controllers design themselves for its parameters
+    source: a controller's name (:func:`controller_names`), ``zoo`` or ``zoo:NAME`` for a trained
+        policy that comes with rodgym, the path of a saved policy (``runs/demo/policy.zip``, also
+        one that Stable-Baselines3 saved alone), or a class of your own (``mine.py:Policy``)
+    env: environment that it will play in; a controller designs itself for its nominal parameters
 
     Raises
     ------
-    PolicyError: unknown name, unreadable file, or a policy for other observations or actions
+    PolicyError: unknown name, unreadable file, or a policy for another task, other observations or
+        actions
     """
-    single: Any = getattr(env, "single_action_space", env.action_space)
-    if source == "random":
-        return Random(single)
-    if source == "zero":
-        return Zero(single)
-    if source in controller_names():
-        from rodgym import baselines
-
-        controller: Policy = baselines.make(source, env)
-        return controller
-    path = find(source, env)
-    return _load_trained(path, env)
+    spec = env.spec
+    env_id = machines.spec_of(env)["id"] if spec is None else spec.id
+    design = NOMINAL if source in CONTROLLERS else None
+    return ready(source, env, env_id, design).policy
 
 
 def find(source: str, env: AnyEnv | None = None) -> Path:
-    """The file of a trained policy: ``zoo`` (of `env`), a path, or a run's folder."""
-    if source == "zoo":
-        assert env is not None and env.spec is not None
-        found = zoo_policy(env.spec.id)
-        if found is None:
-            raise PolicyError(f"no trained policy for {env.spec.id} comes with rodgym")
-        return found
+    """The file of a trained policy: ``zoo`` or ``zoo:NAME`` (of `env`), a path, a run's folder."""
+    if is_zoo(source):
+        if env is None:
+            raise PolicyError(f"policy {source!r} is that of an environment: say which")
+        return of_zoo(source, machines.spec_of(env)["id"])
     path = Path(source)
     if path.is_dir():
         path = path / "policy.zip"
@@ -194,36 +172,16 @@ def find(source: str, env: AnyEnv | None = None) -> Path:
     return path
 
 
-def read_card(path: Path) -> dict[str, Any]:
-    """What a saved policy says of its training: ``env``, ``env_kwargs``, ``algorithm``, ..."""
-    try:
-        with zipfile.ZipFile(path) as archive:
-            card = json.loads(archive.read(CARD))
-    except (zipfile.BadZipFile, KeyError, json.JSONDecodeError) as error:
-        raise PolicyError(f"{path} is not a policy saved by rodgym ({error})") from error
-    assert isinstance(card, dict)
-    return card
+def of_zoo(source: str, env_id: str) -> Path:
+    """The file of a policy that comes with rodgym.
 
-
-def _load_trained(path: Path, env: AnyEnv) -> Policy:
-    import stable_baselines3
-    import torch
-
-    torch.set_num_threads(1)
-    card = read_card(path)
-    algorithm = getattr(stable_baselines3, str(card.get("algorithm")), None)
-    if algorithm is None:
-        raise PolicyError(f"{path}: unknown algorithm {card.get('algorithm')!r}")
-    model = algorithm.load(path, device="cpu")
-    depth = int(card.get("frame_stack", 1))
-    space: Any = getattr(env, "single_observation_space", env.observation_space)
-    action_space: Any = getattr(env, "single_action_space", env.action_space)
-    own_actions = model.action_space.shape[0] if card.get("own_actions") else 0
-    seen = model.observation_space.shape[0] // depth - own_actions
-    if seen != space.shape[0] or model.action_space.shape != action_space.shape:
-        raise PolicyError(
-            f"{path} was trained in {card['env']} and sees {seen} numbers; "
-            f"this environment shows {space.shape[0]}"
-        )
-    stacked = depth > 1 or own_actions
-    return Stacked(model, depth, own_actions) if stacked else model  # type: ignore[no-any-return]
+    Raises
+    ------
+    PolicyError: there is none of this name
+    """
+    name = source.partition(":")[2]
+    found = zoo_policy(env_id, name)
+    if found is None:
+        called = f" called {name!r}" if name else ""
+        raise PolicyError(f"no trained policy{called} for {env_id} comes with rodgym")
+    return found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import gymnasium as gym
@@ -12,8 +12,11 @@ from numpy.typing import NDArray
 
 from rodgym import _checks as checks
 from rodgym import machines
-from rodgym.evaluation.conditions import conditions, needs_end
-from rodgym.evaluation.policies import Policy, ask, check_policy, label_of, load_policy
+from rodgym.evaluation.conditions import conditions, make_single, needs_end
+from rodgym.evaluation.design import Design
+from rodgym.evaluation.episodes import begin
+from rodgym.evaluation.policies import ready
+from rodgym.evaluation.policy import Policy, ask, check_policy, label_of
 
 
 @dataclass(frozen=True)
@@ -23,7 +26,8 @@ class Record:
     ``spec`` is what the core says of the environment; ``time`` (T,) [s] is that at the end of each
     step; ``angles`` (T, edges) [rad] are those of :func:`edge_angles` from the machine's rest,
     whatever the policy sees; ``metrics`` are (T,) each; ``frames`` are pictures, ``frame_dt``
-    apart, the first one of the start.
+    apart, the first one of the start. ``parameters`` are the episode's; ``estimates`` are what a
+    policy that learns them has found by then: (T, 3), best value and the ends of an interval.
     """
 
     policy: str
@@ -36,6 +40,10 @@ class Record:
     metrics: Mapping[str, NDArray[np.float64]]
     frames: list[NDArray[np.uint8]]
     frame_dt: float
+    #: As that of an `Evaluation`.
+    design: str = ""
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    estimates: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
 
 
 def record(
@@ -45,6 +53,8 @@ def record(
     *,
     env_kwargs: Mapping[str, Any] | None = None,
     name: str | None = None,
+    design: Design | None = None,
+    normalize: Any = None,
     frame_rate: float = 0.0,
     max_seconds: float = float("inf"),
 ) -> Record:
@@ -52,6 +62,7 @@ def record(
 
     Parameters
     ----------
+    design, normalize: as for :func:`rodgym.evaluation.evaluate`
     frame_rate: pictures per second of simulated time; 0 draws none
     max_seconds: stops there, if the episode is longer
 
@@ -70,12 +81,14 @@ def record(
     mode = keywords.setdefault("render_mode", "rgb_array" if frame_rate else None)
     if frame_rate and mode != "rgb_array":
         raise checks.refused("render_mode", mode, "left out, or 'rgb_array', to have pictures")
-    env = gym.make(env_id, **keywords)
+    env = make_single(env_id, keywords)
     try:
         if max_seconds == float("inf"):
             needs_end(env)
-        actor = load_policy(policy, env) if isinstance(policy, str) else policy
-        return _record(actor, env, seed, label_of(policy, name), frame_rate, max_seconds)
+        player = ready(policy, env, env_id, design, normalize)
+        label = label_of(policy, name)
+        episode = _record(player.policy, env, seed, label, frame_rate, max_seconds)
+        return replace(episode, design=player.design)
     finally:
         env.close()
 
@@ -91,7 +104,9 @@ def _record(
     spec = machines.spec_of(env)
     dt = float(spec["control_dt"])
     every = max(1, round(1 / (frame_rate * dt))) if frame_rate else 0
-    observation, _ = env.reset(seed=seed)
+    observation, info = env.reset(seed=seed)
+    drawn = {name: np.array([value]) for name, value in info.get("parameters", {}).items()}
+    begin(actor, env, observation[np.newaxis], drawn)
     frames = [np.asarray(env.render())] if every else []
     state: Any = None
     start = np.ones(1, bool)
@@ -99,10 +114,14 @@ def _record(
     actions: list[NDArray[np.float32]] = []
     angles: list[NDArray[np.float64]] = []
     metrics: dict[str, list[float]] = {}
+    estimate = getattr(actor, "estimate", None)
+    estimates: dict[str, list[NDArray[np.float64]]] = {}
     over = False
     while not over and len(rewards) * dt < max_seconds:
         (action,), state = ask(actor, observation[np.newaxis], state, start)
         start = np.zeros(1, bool)
+        for key, row in (estimate(state) if estimate else {}).items():
+            estimates.setdefault(key, []).append(row[0])
         observation, reward, terminated, truncated, info = env.step(action)
         over = terminated or truncated
         rewards.append(float(reward))
@@ -124,6 +143,8 @@ def _record(
         metrics={key: np.array(values) for key, values in metrics.items()},
         frames=frames,
         frame_dt=every * dt,
+        parameters={name: float(value[0]) for name, value in drawn.items()},
+        estimates={key: np.array(rows) for key, rows in estimates.items()},
     )
 
 

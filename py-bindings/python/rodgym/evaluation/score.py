@@ -28,7 +28,8 @@ class Trajectories:
     ``spec`` is what the core says of the environment; ``alive[t, i]`` is set where step t is one of
     episode i; ``metrics`` are the numbers that the environment reports at every step, (T, n) each;
     ``terminated`` (n,) says which episodes the task ended before the time limit; ``parameters`` are
-    those of each episode, (n,) each.
+    those of each episode, (n,) each; ``observations`` (T + 1, n, d), where they were kept, begin
+    with those of the start.
     """
 
     spec: Mapping[str, Any]
@@ -38,6 +39,8 @@ class Trajectories:
     metrics: Mapping[str, Floats]
     terminated: NDArray[np.bool_]
     parameters: Mapping[str, Floats] = field(default_factory=dict)
+    observations: NDArray[np.float32] | None = None
+    seeds: tuple[int, ...] = ()
 
     @property
     def control_dt(self) -> float:
@@ -49,16 +52,25 @@ class Trajectories:
         """Steps of each episode, (n,)."""
         return self.alive.sum(axis=0)
 
+    def total(self, values: Floats, where: NDArray[np.bool_] | None = None) -> Floats:
+        """Sum over each episode, (n,), or over the steps that `where` marks.
+
+        Step by step: NumPy's own sum adds one episode in another order than many side by side, so
+        that the last bits of a score would depend on who else was played.
+        """
+        marked = self.alive if where is None else where
+        return np.asarray(np.where(marked, values, 0.0).cumsum(axis=0)[-1], np.float64)
+
     def mean(self, values: Floats) -> Floats:
         """Mean over each episode, (n,)."""
-        return np.where(self.alive, values, 0.0).sum(axis=0) / self.steps
+        return self.total(values) / self.steps
 
     def mean_of_last(self, seconds: float, values: Floats) -> Floats:
         """Mean over the last ``seconds`` of each episode, (n,); over all of a shorter one."""
         count = max(1, round(seconds / self.control_dt))
         index = np.arange(len(values))[:, None]
         window = self.alive & (index >= self.steps - count)
-        return np.where(window, values, 0.0).sum(axis=0) / window.sum(axis=0)
+        return self.total(values, window) / window.sum(axis=0)
 
     def last(self, values: Floats) -> Floats:
         """The value at the end of each episode, (n,)."""

@@ -14,12 +14,22 @@ from rodgym._checks import refused
 from rodgym._registration import register_all
 from rodgym.errors import ParameterError
 from rodgym.machines import fin, pendulum
-from rodgym.machines.description import Column, Description, Picture, Task, Trace
+from rodgym.machines.description import (
+    Band,
+    Column,
+    Description,
+    Picture,
+    Quantity,
+    Task,
+    Trace,
+)
 
 __all__ = [
+    "Band",
     "Column",
     "Description",
     "Picture",
+    "Quantity",
     "Task",
     "Trace",
     "known",

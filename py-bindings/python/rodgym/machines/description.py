@@ -78,7 +78,7 @@ class Task:
 
 def total_reward(run: Trajectories) -> Floats:
     """Sum of the rewards of each episode."""
-    return np.asarray(np.where(run.alive, run.rewards, 0.0).sum(axis=0), np.float64)
+    return run.total(run.rewards)
 
 
 def duration(run: Trajectories) -> Floats:
@@ -95,7 +95,75 @@ LENGTH = Column("length", "length", "duration of the episode", duration, "s")
 def mean_returns(evaluations: Sequence[Evaluation]) -> str:
     """A comparison in one sentence: the returns."""
     parts = [f"{e.policy} earns {e.mean('return'):.2f}" for e in evaluations]
-    return f"Mean return over {len(evaluations[0].seeds)} episodes: " + ", ".join(parts) + "."
+    count = len(set(evaluations[0].seeds))
+    return f"Mean return over {count} episodes: " + ", ".join(parts) + "."
+
+
+@dataclass(frozen=True)
+class Band:
+    """Conditions of a standard evaluation: ``keywords`` of an environment, made from its spec."""
+
+    name: str
+    text: str
+    keywords: Callable[[Mapping[str, Any]], dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """Something that may be other than a policy was made for, from ``low`` to ``high``.
+
+    ``keywords`` makes the keywords of an environment from its spec and a value. At ``nominal`` the
+    environment is as it was asked for.
+    """
+
+    name: str
+    label: str
+    low: float
+    high: float
+    nominal: float
+    keywords: Callable[[Mapping[str, Any], float], dict[str, Any]]
+    logarithmic: bool = False
+
+    def values(self, points: int) -> list[float]:
+        """An odd number of values, evenly spaced or evenly in the logarithm, `nominal` among
+        them.
+        """
+        spaced = np.geomspace if self.logarithmic else np.linspace
+        return [float(f"{value:.12g}") for value in spaced(self.low, self.high, points)]
+
+
+def factor(name: str, label: str, low: float, high: float, logarithmic: bool = False) -> Quantity:
+    """A parameter of the machine, times a value."""
+
+    def keywords(spec: Mapping[str, Any], value: float) -> dict[str, Any]:
+        return {name: value * spec["config"][name]}
+
+    return Quantity(name, label, low, high, 1.0, keywords, logarithmic)
+
+
+def noise(spec: Mapping[str, Any], value: float) -> dict[str, Any]:
+    """Sensors with a noise of so many times 1 mrad and 10 mrad/s."""
+    return {"sensor_noise": {"angle": 1e-3 * value, "rate": 1e-2 * value}}
+
+
+def gain(spec: Mapping[str, Any], value: float) -> dict[str, Any]:
+    """An actuator that does more or less than it is told."""
+    return {"actuator_gain": value}
+
+
+def lag(spec: Mapping[str, Any], value: float) -> dict[str, Any]:
+    """An actuator that lags by so many milliseconds, to the next whole number of physics steps."""
+    step = spec["config"]["physics_dt"]
+    return {"actuator_delay": step * round(1e-3 * value / step)}
+
+
+NOISE = Quantity("sensor_noise", "sensor noise / (1 mrad, 10 mrad/s)", 0.0, 20.0, 0.0, noise)
+GAIN = Quantity("actuator_gain", "actuator gain", 0.7, 1.3, 1.0, gain)
+
+
+def no_quantity(spec: Mapping[str, Any]) -> tuple[Quantity, ...]:
+    """Nothing is known that may differ."""
+    return ()
 
 
 def no_controller(spec: Mapping[str, Any]) -> tuple[str, ...]:
@@ -127,6 +195,11 @@ class Description:
 
     #: Names of the controllers that play under an environment's own conditions.
     controllers: Callable[[Mapping[str, Any]], tuple[str, ...]] = no_controller
+    #: Conditions of a standard evaluation beside the nominal ones.
+    bands: tuple[Band, ...] = ()
+    #: What a measurement of robustness varies.
+    quantities: Callable[[Mapping[str, Any]], tuple[Quantity, ...]] = no_quantity
+
     #: Keys of a straight start that a study may sweep, and the `state` option that they make.
     starts: tuple[str, ...] = ()
     start: Callable[[Mapping[str, Any], Mapping[str, float]], dict[str, Any]] | None = None

@@ -8,7 +8,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rodgym.machines.description import Column, Description, Floats, Picture, Task, Trace
+from rodgym.machines.description import (
+    GAIN,
+    NOISE,
+    Band,
+    Column,
+    Description,
+    Floats,
+    Picture,
+    Quantity,
+    Task,
+    Trace,
+    factor,
+    lag,
+)
 
 if TYPE_CHECKING:
     from rodgym.evaluation import Evaluation, Record
@@ -35,7 +48,7 @@ def beat(run: Trajectories) -> Floats:
     index = np.arange(len(run.alive))[:, None]
     window = run.alive & (index >= run.steps // 2)
     pitch = run.metrics["pitch"]
-    mean = np.where(window, pitch, 0.0).sum(axis=0) / window.sum(axis=0)
+    mean = run.total(pitch, window) / window.sum(axis=0)
     # Padded with zeros: the peak of a short record is read between its own frequencies.
     length = 16 * len(pitch)
     spectrum = np.abs(np.fft.rfft(np.where(window, pitch - mean, 0.0), length, axis=0))
@@ -138,6 +151,62 @@ def controllers(spec: Mapping[str, Any]) -> tuple[str, ...]:
     return ("gait",)
 
 
+def any_pitch(spec: Mapping[str, Any]) -> dict[str, Any]:
+    """Straight fins at any pitch that the servo is told."""
+    limit = spec["config"]["pitch_limit"]
+    return {"start_pitch": (-limit, limit)}
+
+
+def other_fins(spec: Mapping[str, Any]) -> dict[str, Any]:
+    """Fins and water about the nominal ones."""
+    shares = {"youngs_modulus": 0.3, "added_mass_coefficient": 0.15, "drag_coefficient": 0.15}
+    values = {name: spec["config"][name] for name in shares}
+    return {
+        "randomize": {
+            name: ((1 - share) * values[name], (1 + share) * values[name])
+            for name, share in shares.items()
+        }
+    }
+
+
+BANDS = (
+    Band("starts", "from any pitch within the servo's limit", any_pitch),
+    Band(
+        "rods",
+        "Young's modulus +-30 %, added mass and drag of the water +-15 %, drawn each episode",
+        other_fins,
+    ),
+)
+
+
+def command_noise(spec: Mapping[str, Any], value: float) -> dict[str, Any]:
+    """Noise of the command, drawn each step, before its low-pass."""
+    return {"command_disturbance": value}
+
+
+def quantities(spec: Mapping[str, Any]) -> tuple[Quantity, ...]:
+    """Material, water, hull and servo; nothing stands that could be pushed over."""
+    water = (
+        (
+            factor("hull_mass", "hull's mass / nominal", 0.75, 1.25),
+            factor("hull_drag_area", "hull's drag area / nominal", 0.75, 1.25),
+        )
+        if spec["task"] == "swim"
+        else (factor("flow_speed", "speed of the water / nominal", 0.75, 1.25),)
+    )
+    return (
+        factor("youngs_modulus", "Young's modulus / nominal", 0.5, 2.0, logarithmic=True),
+        factor("density", "density / nominal", 0.75, 1.25),
+        factor("added_mass_coefficient", "added mass / nominal", 0.75, 1.25),
+        factor("drag_coefficient", "drag across / nominal", 0.75, 1.25),
+        *water,
+        NOISE,
+        Quantity("command_noise", "noise of the command", 0.0, 0.2, 0.0, command_noise),
+        GAIN,
+        Quantity("actuator_delay", "delay of the servo [ms]", 0.0, 80.0, 0.0, lag),
+    )
+
+
 FIN = Description(
     "fin",
     word="fin",
@@ -155,6 +224,8 @@ FIN = Description(
         "swim": Task(columns=(SPEED,), traces=(Trace("hull_speed", "hull speed [mm/s]", 1e3),)),
     },
     controllers=controllers,
+    bands=BANDS,
+    quantities=quantities,
     # A fin at rest lies along x.
     rest_angle=np.pi / 2,
     rest="downstream",

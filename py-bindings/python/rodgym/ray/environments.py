@@ -80,6 +80,8 @@ class OwnSeeds(gym.vector.VectorWrapper):
     s + i: two runners of 64 would play 63 of their episodes twice.
     """
 
+    transparent = True
+
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:

@@ -16,8 +16,9 @@ import ray
 from ray.exceptions import RayError, RayTaskError
 
 import rodgym
+from rodgym.evaluation.saved import STATISTICS
 from rodgym.ray.cluster import WORKER_ENV, cluster
-from rodgym.study.case import Row, policy_file, run_case
+from rodgym.study.case import Row, policy_files, run_case
 from rodgym.study.engine import Backend
 from rodgym.study.spec import Case, StudyError
 
@@ -51,9 +52,10 @@ def _rows(
         name=TASK, num_cpus=1, max_retries=RETRIES, runtime_env={"env_vars": WORKER_ENV}
     )
     # Other machines do not have the files of this one.
-    files = {policy: policy_file(policy) for policy in {case["policy"] for _, case in cases}}
+    files = {policy: policy_files(policy) for policy in {case["policy"] for _, case in cases}}
     contents: dict[str, Any] = {
-        p: None if f is None else ray.put(f.read_bytes()) for p, f in files.items()
+        policy: ray.put({name_of(file): file.read_bytes() for file in own})
+        for policy, own in files.items()
     }
     waiting = iter(cases)
     running: dict[Any, tuple[int, Case]] = {}
@@ -75,6 +77,11 @@ def _rows(
             ray.cancel(reference)
 
 
+def name_of(file: Path) -> str:
+    """What a policy's file is called on a worker, where the policy itself comes first."""
+    return file.name if file.name == STATISTICS else f"policy{file.suffix}"
+
+
 def _result(reference: Any, case: Case) -> Row:
     """The row of a finished task, or its error as it would be without Ray."""
     try:
@@ -89,16 +96,16 @@ def _result(reference: Any, case: Case) -> Row:
         ) from error
 
 
-def _run(case: Case, policy: bytes | None, version: str) -> Row:
-    """One case on a worker; `policy` is the content of its policy's file, if it has one."""
+def _run(case: Case, files: dict[str, bytes], version: str) -> Row:
+    """One case on a worker; `files` are its policy's by name, if it has any."""
     if rodgym.__version__ != version:
         raise StudyError(
             f"a worker has rodgym {rodgym.__version__}, but the study was started by {version}: "
             "install the same version on all machines"
         )
-    if policy is None:
+    if not files:
         return run_case(case)
     with tempfile.TemporaryDirectory(prefix="rodgym-") as folder:
-        path = Path(folder) / "policy.zip"
-        path.write_bytes(policy)
-        return run_case({**case, "policy": str(path)})
+        for name, content in files.items():
+            (Path(folder) / name).write_bytes(content)
+        return run_case({**case, "policy": str(Path(folder) / next(iter(files)))})

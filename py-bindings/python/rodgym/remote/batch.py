@@ -18,12 +18,13 @@ from rodgym.remote.address import Address
 from rodgym.remote.connection import Connection
 from rodgym.remote.errors import RemoteError
 from rodgym.remote.session import Session, in_parts
-from rodgym.remote.wire import Arrays, Reply, damaged, reading, split_lists
+from rodgym.remote.wire import Arrays, Reply, damaged, own, reading, split_lists
 
 #: Longest list of numbers that travels in a header.
 IN_HEADER = 16
 #: Bits of the `flags` array.
-TERMINATED, TRUNCATED, STEPPED, BEGAN, SOLVER_FAILURE, FINAL = (1 << i for i in range(6))
+#: A row each: terminated, truncated, stepped, began, solver failure, final observation.
+BITS = np.array([[1 << i] for i in range(6)], dtype=np.uint8)
 
 
 class RemoteBatch(Session):
@@ -207,9 +208,24 @@ class RemoteBatch(Session):
 
     def simulation(self, index: int) -> _native.Simulation:
         """An exact copy, here, of what runs in environment `index`."""
+        return self._twin(index).simulation(0)
+
+    def step_jacobian(
+        self, index: int, action: Any, parameters: list[str]
+    ) -> dict[str, npt.NDArray[np.float64]]:
+        """Derivatives of a step, computed here; see `_native.Batch.step_jacobian`."""
+        return self._twin(index).step_jacobian(0, action, parameters)
+
+    def rollout_gradient(
+        self, index: int, actions: Any, parameters: list[str]
+    ) -> dict[str, npt.NDArray[np.float64]]:
+        """Gradients of a sum of rewards, computed here; see `_native.Batch.rollout_gradient`."""
+        return self._twin(index).rollout_gradient(0, actions, parameters)
+
+    def _twin(self, index: int) -> _native.Batch:
         twin = _native.Batch(self.spec["id"], 1, self._arguments[4], "Disabled", None, 1)
         twin.set_state(0, self.get_state(index))
-        return twin.simulation(0)
+        return twin
 
     def scene(self, index: int) -> dict[str, Any]:
         """What there is to draw of environment `index`."""
@@ -242,34 +258,34 @@ class RemoteBatch(Session):
     ) -> tuple[npt.NDArray[Any], ...]:
         """The ten arrays of `_native.Batch.step`."""
         n, (d, k, p) = self.num_envs, self._widths
-        flags = reply.array("flags", "|u1", n)
-        began, ended = flags & BEGAN != 0, flags & FINAL != 0
+        flags = (reply.array("flags", "|u1", n) & BITS) != 0
+        terminated, truncated, stepped, began, failed, ended = flags
         observation = reply.array("obs", "<f4", n, d)
         reward = reply.maybe("reward", "<f8", n)
         terms = reply.maybe("terms", "<f8", n, k)
+        if (reward is None) != (terms is None):
+            raise damaged("it has one of reward and terms only")
         final = np.zeros((n, d), dtype=np.float32)
         if ended.any():
             final[ended] = reply.array("final_obs", "<f4", int(ended.sum()), d)
         parameters = np.zeros((n, p))
         if began.any():
             parameters[began] = reply.array("parameters", "<f8", int(began.sum()), p)
-        if (reward is None) != (terms is None):
-            raise damaged("it has one of reward and terms only")
         if out is None:
-            out = observation.astype(np.float32)
+            out = own(observation)
         else:
             out[...] = observation
         return (
             out,
-            np.zeros(n) if reward is None else reward.astype(np.float64),
-            flags & TERMINATED != 0,
-            flags & TRUNCATED != 0,
+            np.zeros(n) if reward is None else own(reward),
+            terminated,
+            truncated,
             final,
-            np.zeros((n, k)) if terms is None else terms.astype(np.float64),
+            np.zeros((n, k)) if terms is None else own(terms),
             parameters,
-            flags & STEPPED != 0,
+            stepped,
             began,
-            flags & SOLVER_FAILURE != 0,
+            failed,
         )
 
     @property

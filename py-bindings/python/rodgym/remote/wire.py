@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from types import NoneType
 from typing import Any, NamedTuple
 
 import msgpack
@@ -33,7 +34,7 @@ class Reply(NamedTuple):
     #: Changes when the server restarts.
     epoch: str
     err: dict[str, Any] | None
-    #: Read-only views of the frames.
+    #: Views of the frames.
     arrays: Arrays
     p: dict[str, Any]
 
@@ -46,8 +47,11 @@ class Reply(NamedTuple):
         array = self.arrays.get(name)
         if array is None:
             raise damaged(f"it has no array {name!r}")
-        fits = len(shape) == array.ndim and all(
-            expected in (None, size) for expected, size in zip(shape, array.shape, strict=True)
+        fits = array.shape == shape or (
+            len(shape) == array.ndim
+            and all(
+                expected in (None, size) for expected, size in zip(shape, array.shape, strict=True)
+            )
         )
         if array.dtype != _DTYPES[dtype] or not fits:
             raise damaged(f"{name!r} has type {array.dtype} and shape {array.shape}")
@@ -56,6 +60,25 @@ class Reply(NamedTuple):
     def maybe(self, name: str, dtype: str, *shape: int | None) -> npt.NDArray[Any] | None:
         """The array of this name; None where the reply has none."""
         return self.array(name, dtype, *shape) if name in self.arrays else None
+
+
+#: Types of a reply's fields.
+_KINDS: tuple[type | tuple[type, ...], ...] = (
+    int,
+    bool,
+    (int, NoneType),
+    str,
+    (dict, NoneType),
+    dict,
+    dict,
+)
+
+
+def own(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """An array to hand over: the frame itself, where its bytes lie as NumPy would lay them."""
+    if array.flags.carray and array.dtype.isnative:
+        return array
+    return array.astype(array.dtype.newbyteorder("="))
 
 
 def damaged(what: object) -> RemoteError:
@@ -120,7 +143,7 @@ def pack(
     return frames
 
 
-def unpack(frames: list[bytes]) -> Reply:
+def unpack(frames: Sequence[Any]) -> Reply:
     """A reply from its frames.
 
     Raises:
@@ -133,8 +156,9 @@ def unpack(frames: list[bytes]) -> Reply:
     with reading():
         arrays = {}
         for (name, dtype, shape), frame in zip(header.get("arr", ()), frames[1:], strict=True):
-            if any(not isinstance(size, int) or size < 0 for size in shape):
-                raise ValueError(f"shape {shape!r}")
+            for size in shape:
+                if not isinstance(size, int) or size < 0:
+                    raise ValueError(f"shape {shape!r}")
             arrays[name] = np.frombuffer(frame, _DTYPES[dtype]).reshape(shape)
         reply = Reply(
             header["rid"],
@@ -145,8 +169,7 @@ def unpack(frames: list[bytes]) -> Reply:
             arrays,
             header.get("p", {}),
         )
-        kinds = (int, bool, int | None, str, dict | None, dict, dict)
-        for name, value, kind in zip(Reply._fields, reply, kinds, strict=True):
+        for name, value, kind in zip(Reply._fields, reply, _KINDS, strict=True):
             if not isinstance(value, kind):
                 raise TypeError(f"{name} = {value!r}")
     return reply

@@ -7,13 +7,15 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageColor, ImageDraw, ImageFont
 
 from rodgym.evaluation import Record
 from rodgym.report.style import COLOURS, INK
 
 TITLE_HEIGHT = 34
 GAP = 12
+#: Width of a still [pixels]: it is drawn in this size, so that its text can be read.
+STILL = 240
 #: How long the last picture stays before the loop begins again [s].
 HOLD = 1.2
 
@@ -26,7 +28,8 @@ def _titled(frame: NDArray[np.uint8], title: str, colour: str, width: int) -> Im
     """A picture scaled to ``width`` pixels below its title."""
     picture = Image.fromarray(frame)
     height = round(picture.height * width / picture.width)
-    picture = picture.resize((width, height), Image.Resampling.LANCZOS)
+    if picture.size != (width, height):
+        picture = picture.resize((width, height), Image.Resampling.LANCZOS)
     canvas = Image.new("RGB", (width, height + TITLE_HEIGHT), "white")
     canvas.paste(picture, (0, TITLE_HEIGHT))
     draw = ImageDraw.Draw(canvas)
@@ -78,24 +81,74 @@ def write_gif(
     indexed[0].save(path, save_all=True, append_images=indexed[1:], duration=duration, loop=0)
 
 
-def _palette(pictures: Sequence[Image.Image]) -> Image.Image:
-    """128 colours that serve all pictures.
+def write_mp4(path: Path, pictures: Sequence[Image.Image], frame_dt: float) -> None:
+    """A film that every browser plays (H.264), ``frame_dt`` seconds a picture. Needs
+    imageio-ffmpeg.
+    """
+    import imageio_ffmpeg
 
-    A colour counts by the square root of its area: thin lines would else lose their colour to
-    the shades of a wide background.
+    # The codec wants even sides.
+    width, height = (side + side % 2 for side in pictures[0].size)
+    film = imageio_ffmpeg.write_frames(
+        str(path),
+        (width, height),
+        fps=1 / frame_dt,
+        quality=8,
+        macro_block_size=2,
+        ffmpeg_log_level="error",
+    )
+    film.send(None)
+    for picture in pictures:
+        canvas = Image.new("RGB", (width, height), "white")
+        canvas.paste(picture, (0, 0))
+        film.send(np.ascontiguousarray(canvas))
+    film.close()
+
+
+def _palette(pictures: Sequence[Image.Image]) -> Image.Image:
+    """128 colours that serve all pictures; those by which policies are known are among them.
+
+    Of the others each counts by the square root of its area: thin lines would else lose their
+    colour to the shades of a wide background.
     """
     pixels = np.concatenate([np.asarray(picture).reshape(-1, 3) for picture in pictures])
     colours, area = np.unique(pixels @ np.array([65536, 256, 1]), return_counts=True)
     weighted = np.repeat(colours, np.ceil(np.sqrt(area)).astype(int))
     rgb = np.stack([weighted >> 16, weighted >> 8 & 255, weighted & 255], axis=-1)
-    return Image.fromarray(rgb[None].astype(np.uint8)).quantize(
-        128, Image.Quantize.MEDIANCUT, kmeans=2
+    known = [ImageColor.getrgb(colour) for colour in (*COLOURS, INK, "#ffffff")]
+    found = Image.fromarray(rgb[None].astype(np.uint8)).quantize(
+        128 - len(known), Image.Quantize.MEDIANCUT, kmeans=2
     )
+    palette = Image.new("P", (1, 1))
+    palette.putpalette([*np.ravel(known).tolist(), *(found.getpalette() or ())])
+    return palette
 
 
-def strip(record: Record, count: int, width: int = 240) -> Image.Image:
-    """``count`` stills of one episode, evenly spaced from start to end, with their times."""
-    chosen = np.linspace(0, len(record.frames) - 1, count).round().astype(int)
+def moments(record: Record, count: int) -> list[int]:
+    """Numbers of ``count`` pictures of an episode, close together where much moves.
+
+    From the first to the last; a fifth of them would be evenly spaced in time.
+    """
+    last = len(record.frames) - 1
+    turned = np.abs(np.diff(np.unwrap(record.angles, axis=0), axis=0)).sum(axis=1)
+    time = record.time[1:] / record.time[-1]
+    total = turned.sum()
+    moved = turned.cumsum() / total if total > 0 else time
+    passed = np.concatenate([[0.0], 0.2 * time + 0.8 * moved])
+    at = np.interp(np.linspace(0, 1, count), passed / passed[-1], record.time)
+    chosen = np.minimum((at / record.frame_dt).round().astype(int), last)
+    chosen[0], chosen[-1] = 0, last
+    return chosen.tolist()
+
+
+def at_times(record: Record, times: Sequence[float]) -> list[int]:
+    """Numbers of the pictures nearest to these times [s]; the last one where it is over."""
+    last = len(record.frames) - 1
+    return [min(last, round(time / record.frame_dt)) for time in times]
+
+
+def strip(record: Record, chosen: Sequence[int], width: int = STILL) -> Image.Image:
+    """The pictures of these numbers side by side, with their times."""
     pictures = [
         _titled(record.frames[k], f"{k * record.frame_dt:.2f} s", COLOURS[0], width) for k in chosen
     ]

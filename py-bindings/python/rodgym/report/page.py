@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,9 +9,12 @@ from typing import Any
 
 from rodgym import machines
 from rodgym.evaluation import Column, Evaluation
-from rodgym.evaluation.table import cell
+from rodgym.evaluation.table import cell, notes, shows_designs
 from rodgym.report import html
 from rodgym.report.comparison import Comparison
+from rodgym.report.players import words
+from rodgym.report.plots import learned
+from rodgym.report.reward import reward_of
 from rodgym.report.style import COLOURS
 from rodgym.runs import Run
 
@@ -30,10 +32,16 @@ def write_page(run: Run, comparison: Comparison) -> Path:
         verdict=about.verdict(evaluations),
         about=about,
         seed=first.seed,
-        seeds=evaluations[0].seeds,
+        learned=bool(learned(comparison.records)),
+        seeds=tuple(dict.fromkeys(evaluations[0].seeds)),
         columns=evaluations[0].described,
         rows=_rows(evaluations),
-        training=comparison.training,
+        designs=shows_designs(evaluations),
+        notes=notes(evaluations),
+        trainings=comparison.trainings,
+        statistics=comparison.statistics,
+        players=comparison.players,
+        reward=reward_of(first.spec),
         how=_how(run, comparison),
         files=sorted(path.name for path in run.path.iterdir() if path.is_file()),
     )
@@ -65,6 +73,7 @@ def _rows(evaluations: Sequence[Evaluation]) -> list[dict[str, Any]]:
     return [
         {
             "policy": evaluation.policy,
+            "design": evaluation.design or "-",
             "colour": COLOURS[i % len(COLOURS)],
             "cells": [shown(column, evaluation.mean(column.name)) for column in described],
         }
@@ -75,13 +84,16 @@ def _rows(evaluations: Sequence[Evaluation]) -> list[dict[str, Any]]:
 def _how(run: Run, comparison: Comparison) -> dict[str, Any]:
     """What makes the page again."""
     keywords = dict(comparison.env_kwargs)
+    facts = run.facts
     how = {
         "environment": comparison.env_id,
-        "keywords": json.dumps(keywords) if keywords else "defaults",
-        "machine": run.facts["machine"],
-        "versions": ", ".join(f"{k} {v}" for k, v in run.facts["versions"].items()),
+        "keywords": words(keywords) if keywords else "defaults",
+        "machine": facts["machine"],
+        "versions": ", ".join(f"{k} {v}" for k, v in facts["versions"].items()),
     }
-    if comparison.training is not None:
-        how["training seed"] = comparison.training.seed
-        how["recipe"] = json.dumps(comparison.training.recipe.as_dict())
+    if facts.get("commit"):
+        how["commit"] = facts["commit"]
+    if comparison.trainings:
+        seeds = [str(training.seed) for training in comparison.trainings]
+        how["training seed" if len(seeds) == 1 else "training seeds"] = ", ".join(seeds)
     return how

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from textwrap import fill
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -14,6 +16,11 @@ from rodgym import machines
 from rodgym.evaluation import Evaluation, Record
 from rodgym.machines import Description
 from rodgym.report.style import COLOURS, FAINT, GRID, INK, level, styled
+
+#: Letters in a line of a policy's name below its dots.
+NAME_WIDTH = 10
+#: An episode whose edges turn so many times as far as another's has a scale of its own.
+SPINNING = 3.0
 
 
 def learning_curve(
@@ -37,7 +44,14 @@ def learning_curve(
             level(axes, value, label, COLOURS[i % len(COLOURS)])
         kept = int(np.argmin(np.abs(steps - best_steps)))
         axes.plot(
-            steps[kept], column["return"][kept], "o", markersize=10, mfc="none", mec=INK, mew=1.4
+            steps[kept],
+            column["return"][kept],
+            "o",
+            markersize=10,
+            mfc="none",
+            mec=INK,
+            mew=1.4,
+            clip_on=False,
         )
         axes.annotate(
             "kept",
@@ -51,13 +65,14 @@ def learning_curve(
         axes.set_xlabel("environment steps")
         axes.set_ylabel("return of an episode")
         axes.set_xlim(0, max(steps[-1], 1))
-        axes.xaxis.set_major_formatter(FuncFormatter(_thousands))
+        axes.xaxis.set_major_formatter(FuncFormatter(thousands))
         _wall_time_axis(axes, steps, column["seconds"])
         figure.savefig(path)
         plt.close(figure)
 
 
-def _thousands(value: float, _position: int = 0) -> str:
+def thousands(value: float, _position: int = 0) -> str:
+    """A number of steps in few letters."""
     return f"{value / 1e6:g} M" if value >= 1e6 else f"{value / 1e3:g} k" if value else "0"
 
 
@@ -87,10 +102,14 @@ def episodes(path: Path, records: Sequence[Record]) -> None:
             len(records),
             figsize=(4.2 * len(records), 1.9 * rows + 0.6),
             sharex=True,
-            sharey="row",
             squeeze=False,
             gridspec_kw={"height_ratios": [1.6, *[1.0] * (rows - 1)]},
         )
+        # One scale for all, but for the angles where somebody spins and would flatten the others'.
+        _share(grid[1:])
+        turns = [float(np.ptp(np.unwrap(record.angles, axis=0))) for record in records]
+        if max(turns) < SPINNING * max(min(turns), np.pi):
+            _share(grid[:1])
         for i, record in enumerate(records):
             colour = COLOURS[i % len(COLOURS)]
             _angles(grid[0, i], record, about)
@@ -112,6 +131,96 @@ def episodes(path: Path, records: Sequence[Record]) -> None:
         plt.close(figure)
 
 
+def learned(records: Sequence[Record]) -> list[tuple[int, str]]:
+    """Places of policies, and parameters of the episode that they were to find out."""
+    return [
+        (i, name)
+        for i, record in enumerate(records)
+        for name, values in record.estimates.items()
+        if name in record.parameters and values[0, 2] > values[0, 1]
+    ]
+
+
+def estimates(path: Path, records: Sequence[Record]) -> None:
+    """What policies have found out of the machine, over time, beside the truth."""
+    shown = learned(records)
+    with styled():
+        figure, grid = plt.subplots(
+            1, len(shown), figsize=(4.2 * len(shown), 2.6), squeeze=False, layout="constrained"
+        )
+        for axes, (i, name) in zip(grid[0], shown, strict=True):
+            record, colour = records[i], COLOURS[i % len(COLOURS)]
+            truth = record.parameters[name]
+            value, low, high = 100 * (record.estimates[name].T / truth - 1)
+            axes.fill_between(record.time, low, high, color=colour, alpha=0.2, lw=0)
+            axes.plot(record.time, value, color=colour, lw=1.4)
+            axes.axhline(0.0, color=FAINT, lw=1, ls=(0, (5, 3)))
+            # The first samples leave everything open; what comes after is what there is to see.
+            reach = max(5.0, 1.5 * np.abs(value[min(50, len(value) - 1) :]).max())
+            axes.set_ylim(-reach, reach)
+            axes.set_title(f"{record.policy}: {name}", color=colour)
+            axes.set_xlabel("time [s]")
+        grid[0, 0].set_ylabel("estimate off by [%]")
+        figure.savefig(path)
+        plt.close(figure)
+
+
+def _share(rows: np.ndarray) -> None:
+    """Gives the panels of each row one vertical scale, written at the left one."""
+    for first, *others in rows:
+        for axes in others:
+            axes.sharey(first)
+            axes.tick_params(labelleft=False)
+
+
+def moment(path: Path, records: Sequence[Record], seconds: float = 1.0) -> None:
+    """The second of the episode in which most happens, all policies in one panel a trace."""
+    spec = records[0].spec
+    shown = machines.of(spec).traces_of(spec["task"])
+    begin = busiest(records, seconds)
+    count = max(1, len(shown))
+    columns = min(count, 2)
+    rows = -(-count // columns)
+    with styled():
+        figure, grid = plt.subplots(
+            rows, columns, figsize=(8.4, 0.4 + 2.6 * rows), squeeze=False, sharex=True
+        )
+        for axes in grid.flat[count:]:
+            axes.set_visible(False)
+        for record, colour in zip(records, itertools.cycle(COLOURS)):
+            part = (record.time >= begin) & (record.time <= begin + seconds)
+            for axes, trace in zip(grid.flat, shown, strict=False):
+                values = trace.factor * record.metrics[trace.metric][part]
+                axes.plot(record.time[part], values, color=colour, label=record.policy)
+                axes.set_ylabel(trace.label)
+            if not shown:
+                grid[0, 0].plot(
+                    record.time[part], record.actions[part, 0], color=colour, label=record.policy
+                )
+                grid[0, 0].set_ylabel("action")
+        grid[0, 0].set_xlim(begin, begin + seconds)
+        for axes in grid[-1]:
+            axes.set_xlabel("time [s]")
+        handles, labels = grid[0, 0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper left", ncols=len(labels))
+        figure.savefig(path)
+        plt.close(figure)
+
+
+def busiest(records: Sequence[Record], seconds: float) -> float:
+    """When the window begins in which the edges turn most [s], every policy counted alike."""
+    dt = float(records[0].spec["control_dt"])
+    length = max(len(record.time) for record in records)
+    width = min(length, max(1, round(seconds / dt)))
+    turned = np.zeros(length)
+    for record in records:
+        steps = np.abs(np.diff(np.unwrap(record.angles, axis=0), axis=0)).sum(axis=1)
+        turned[1 : len(record.time)] += steps / max(steps.sum(), 1e-12)
+    inside = np.convolve(turned, np.ones(width), "valid")
+    # The first of equals: rounding must not choose.
+    return dt * int(np.flatnonzero(inside >= inside.max() - 1e-9)[0])
+
+
 def _angles(axes: Axes, record: Record, about: Description) -> None:
     """Every edge's angle, dark at the first and light at the last, with named angles as lines."""
     # Angles are known up to whole turns: follow each through the episode without jumps.
@@ -122,10 +231,13 @@ def _angles(axes: Axes, record: Record, about: Description) -> None:
     for edge in range(edges):
         label = names.get(edge)
         axes.plot(record.time, angles[:, edge], color=shades[edge], lw=1.2, label=label)
+    written: set[str] = set()
     for angle, name in about.named_angles.items():
         if angles.size and angles.min() - 30 < angle < angles.max() + 30:
             axes.axhline(angle, color=FAINT, lw=1, ls=(0, (5, 3)))
-            axes.annotate(name, (record.time[0], angle), color=FAINT, va="bottom", fontsize=9)
+            if name not in written:
+                axes.annotate(name, (record.time[0], angle), color=FAINT, va="bottom", fontsize=9)
+            written.add(name)
     axes.legend(loc="best", fontsize=8)
 
 
@@ -134,7 +246,7 @@ def distributions(path: Path, evaluations: Sequence[Evaluation]) -> None:
     described = [c for c in evaluations[0].described if c.better and not c.success]
     rng = np.random.default_rng(0)
     # Room for the names below the dots.
-    wide = max(2.6, 0.11 * sum(2 + len(e.policy) for e in evaluations))
+    wide = max(2.6, 0.11 * sum(2 + min(NAME_WIDTH, len(e.policy)) for e in evaluations))
     with styled():
         figure, grid = plt.subplots(
             1, len(described), figsize=(wide * len(described), 3.4), squeeze=False
@@ -146,21 +258,34 @@ def distributions(path: Path, evaluations: Sequence[Evaluation]) -> None:
                 colour = COLOURS[i % len(COLOURS)]
                 axes.plot(x, values, "o", ms=3.5, color=colour, alpha=0.45, mew=0)
                 mean = column.scale * evaluation.mean(column.name)
+                if not np.isfinite(mean):
+                    # Nowhere defined: said, where an empty column would look forgotten.
+                    axes.annotate(
+                        "never",
+                        (i, 0.5),
+                        xycoords=("data", "axes fraction"),
+                        ha="center",
+                        color=FAINT,
+                        fontsize=9,
+                    )
                 axes.plot([i - 0.32, i + 0.32], [mean, mean], color=colour, lw=2.6)
             axes.set_title(column.title)
             axes.set_ylabel(column.unit)
             axes.set_xticks(
-                range(len(evaluations)), [e.policy.replace(" ", "\n") for e in evaluations]
+                range(len(evaluations)), [fill(e.policy, NAME_WIDTH) for e in evaluations]
             )
+            # What differs by less than a table shows is no difference.
+            low, high = axes.get_ylim()
+            least = 4 * 10.0**-column.digits
+            if high - low < least:
+                middle = (low + high) / 2
+                axes.set_ylim(middle - least / 2, middle + least / 2)
+            axes.ticklabel_format(axis="y", useOffset=False)
             axes.set_xlim(-0.6, len(evaluations) - 0.4)
             axes.grid(axis="x", visible=False)
             axes.margins(y=0.15)
-            axes.annotate(
+            axes.set_xlabel(
                 {"high": "higher is better", "low": "lower is better"}[column.better],
-                (0.5, -0.22),
-                xycoords="axes fraction",
-                ha="center",
-                va="top",
                 fontsize=8,
                 color=FAINT,
             )

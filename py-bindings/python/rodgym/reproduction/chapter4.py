@@ -134,7 +134,10 @@ def estimate_errors(folder: Path) -> Finding:
         run = thesis_run({"width": width}, "output", DURATION, every=1)
         edges = run["angles"].shape[1]
         error = _rms(_from_up(run["angles"]) - run["estimate"][:, :edges])
-        axes.semilogy(run["time"], error, "o-", ms=3, color=colour, label=f"{1e3 * width:g} mm")
+        # The observer is on for single steps: dots, which no line joins.
+        seen = np.isfinite(error)
+        label = f"{1e3 * width:g} mm" if seen.any() else f"{1e3 * width:g} mm: no estimate"
+        axes.semilogy(run["time"][seen], error[seen], "o", ms=4, color=colour, label=label)
         rows += [[width, *row] for row in zip(run["time"], error, strict=True) if row[1] == row[1]]
         findings.append(f"{1e3 * width:g} mm: {_observed(run)}")
     write_csv(folder / "fig4_6.csv", ["width", "time", "estimate_error"], rows)
@@ -295,8 +298,8 @@ def _snapshots(run: dict[str, Any], folder: Path, name: str, title: str) -> None
     moments = np.linspace(0.0, end, 8)
     figure, panels = plt.subplots(1, 8, figsize=(11, 1.9), sharex=True, sharey=True)
     rows = []
-    for axis, moment in zip(panels, moments, strict=True):
-        k = int(np.argmin(np.abs(run["time"] - moment)))
+    shown = [int(np.argmin(np.abs(run["time"] - moment))) for moment in moments]
+    for axis, k in zip(panels, shown, strict=True):
         x, y = run["positions"][k].T
         on = bool(run["linear"][k])
         axis.plot(x, y, "o-", color=COLOURS[0] if on else INK, markersize=2.5)
@@ -307,7 +310,12 @@ def _snapshots(run: dict[str, Any], folder: Path, name: str, title: str) -> None
         axis.grid(False)
         axis.spines[:].set_visible(False)
         rows += [[run["time"][k], int(on), i, *node] for i, node in enumerate(run["positions"][k])]
-    figure.suptitle(f"{title} (blue: linear law)", fontsize=10)
+    steps = int(run["linear"].sum())
+    if run["linear"][shown].any():
+        law = "blue: linear law"
+    else:
+        law = f"the linear law is on in {steps} of {len(run['time'])} steps, none of them shown"
+    figure.suptitle(f"{title} ({law})", fontsize=10)
     figure.savefig(folder / f"{name}.png")
     plt.close(figure)
     write_csv(folder / f"{name}.csv", ["time", "linear", "node", "x", "y"], rows)

@@ -35,12 +35,21 @@ def write_findings(run: Run, title: str, findings: Sequence[Finding]) -> Path:
     rows = [(f.where, f.claim, f.result, f.verdict) for f in findings]
     header = ("where", "thesis", "found", "verdict")
     write_csv(run.file("findings.csv"), header, rows)
-    agreed = sum(f.verdict.startswith("agrees") for f in findings)
     return html.write(
         run,
         "findings.html",
         title=title,
         subject="Burch 2019",
-        verdict=f"{agreed} of {len(findings)} claims agree; each difference says why.",
+        verdict=summary(findings),
         findings=findings,
     )
+
+
+def summary(findings: Sequence[Finding]) -> str:
+    """How many claims agree, and which of the others do not, and why, in a clause each."""
+    agreed = sum(f.verdict.startswith("agrees") for f in findings)
+    others = [
+        f"{f.where} {f.verdict.rstrip('.')}" for f in findings if not f.verdict.startswith("agrees")
+    ]
+    told = f"{agreed} of {len(findings)} claims agree."
+    return told + (f" Of the others: {'; '.join(others)}." if others else "")

@@ -12,8 +12,9 @@ step.
 ```
 """
 
+from rodgym.derivatives import Jacobian
 from rodgym.sim.fin import Fin
 from rodgym.sim.pendulum import Linear, Pendulum
 from rodgym.sim.simulation import Simulation
 
-__all__ = ["Fin", "Linear", "Pendulum", "Simulation"]
+__all__ = ["Fin", "Jacobian", "Linear", "Pendulum", "Simulation"]

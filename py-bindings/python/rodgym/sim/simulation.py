@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
 from rodgym import _native
-from rodgym._checks import count, matrix, refused
+from rodgym._checks import count, matrix, number, refused, vector
 from rodgym._settings import Fixed
+from rodgym.derivatives import Jacobian, names
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -90,6 +91,47 @@ class Simulation(Fixed):
         x = matrix("positions", positions)
         v = np.zeros_like(x) if velocities is None else matrix("velocities", velocities)
         self._native.set_state(x, v)
+
+    def get_vector(self) -> Array:
+        """The whole state as one vector (s,), a copy: all that the next step depends on.
+
+        Of a pendulum positions [m], then velocities [m/s] of the nodes after the hinge, x and y a
+        node. Then what its stepper carries: `verlet`, `tr_bdf2`, `esdirk3` their accelerations
+        without what the base torque does [m/s^2]; `bdf2` positions and velocities a step before,
+        and 1 where those are known, else 0.
+
+        Raises:
+            ParameterError: a fin, which has none yet.
+        """
+        return self._native.get_vector()
+
+    def set_vector(self, x: npt.ArrayLike) -> None:
+        """Goes to a state that `get_vector` has the numbers of; the time goes back to 0.
+
+        Raises:
+            ShapeError: not as many numbers as the state has.
+            ParameterError: no state of this machine; nothing changes then.
+        """
+        self._native.set_vector(np.asarray(vector("x", x), dtype=np.float64))
+
+    def jacobian(self, input: float = 0.0, n: int = 1, parameters: Sequence[str] = ()) -> Jacobian:
+        """Exact derivatives of `get_vector()` after `n` physics steps under a constant input; the
+        machine stays where it is.
+
+        Arguments:
+            input: a pendulum's base torque [N m].
+            n: physics steps.
+            parameters: names of physical parameters.
+
+        Returns:
+            `A` (s, s) by the vector, `B` (s, 1) by the input, `P` (s, p) by the parameters.
+
+        Raises:
+            ParameterError: an input that is not finite, a name that is no parameter, a fin.
+            SolverError: a step failed in its smallest parts.
+        """
+        value = number("input", input, "N m")
+        return Jacobian(**self._native.jacobian(value, count(n), names(parameters)))
 
     def _step(self, value: float, n: int) -> None:
         """`n` physics steps under a constant input."""

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import csv
 import multiprocessing
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from rodgym.study.case import Row, policy_file, run_case
+from rodgym.study.case import Row, policy_files, run_case
 from rodgym.study.spec import Case, Study, StudyError, case_id
 
 Rows = Generator[tuple[int, Row], None, None]
@@ -66,7 +66,20 @@ def run_study(
         PolicyError: a policy that is neither a name nor a file.
     """
     cases = list(study.cases())
-    files = {policy: policy_file(policy) for policy in dict.fromkeys(c["policy"] for c in cases)}
+    return complete(cases, cases, table, backend, on_row)
+
+
+def complete(
+    cases: Sequence[Case],
+    shown: Sequence[Mapping[str, Any]],
+    table: Path,
+    backend: Backend | None = None,
+    on_row: Callable[[int, int], None] | None = None,
+) -> list[dict[str, str]]:
+    """Completes the table of any cases; `shown[i]` are the columns that stand before the scores of
+    `cases[i]`. For the rest see `run_study`.
+    """
+    files = {policy: policy_files(policy) for policy in dict.fromkeys(c["policy"] for c in cases)}
     ids = [case_id(case, files[case["policy"]]) for case in cases]
     if len(set(ids)) < len(ids):
         raise StudyError("a value is swept twice: two cases are the same")
@@ -75,6 +88,7 @@ def run_study(
     if on_row:
         on_row(len(done), len(cases))
     if missing:
+        table.parent.mkdir(parents=True, exist_ok=True)
         with (
             table.open("a", newline="", encoding="utf-8") as stream,
             closing((backend or local())(missing)) as finished,
@@ -82,7 +96,7 @@ def run_study(
             writer = csv.writer(stream, lineterminator="\n")
             fresh = stream.tell() == 0
             for number, scores in finished:
-                row = {"id": ids[number], **_text(cases[number]), **_text(scores)}
+                row = {"id": ids[number], **_text(shown[number]), **_text(scores)}
                 if fresh:
                     writer.writerow(row)
                     fresh = False
@@ -97,7 +111,7 @@ def run_study(
     return rows
 
 
-def _text(values: dict[str, Any]) -> dict[str, str]:
+def _text(values: Mapping[str, Any]) -> dict[str, str]:
     """Every digit of a number that matters; nothing for NaN."""
 
     def one(value: Any) -> str:

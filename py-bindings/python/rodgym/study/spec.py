@@ -12,7 +12,8 @@
     plot: {x: start.angle, y: start.rate, value: upright, panel: policy}
 
 Keys: ``policy`` (a controller's name or a trained policy's file), ``env.<keyword>`` of the
-environment, ``design.<keyword>`` (what a controller believes, where that differs),
+environment, ``design`` (what a controller is designed for: ``nominal``, ``each``, see
+`rodgym.evaluation.design`), ``design.<keyword>`` (what it believes, where that differs),
 ``start.<name>`` of the machine's exact start (``start.angle`` [rad] and ``start.rate`` [rad/s] of a
 straight pendulum), ``seed`` (the first seed of
 the case's episodes: sweep it to have a row for each).
@@ -24,7 +25,7 @@ import hashlib
 import itertools
 import json
 import math
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -35,6 +36,7 @@ from rodgym._checks import episode_steps
 from rodgym._literal import literal
 from rodgym._registration import REMOTE
 from rodgym.evaluation.conditions import CHOSEN
+from rodgym.evaluation.design import WORDS
 from rodgym.machines import Column
 
 Case = dict[str, Any]
@@ -43,7 +45,7 @@ Case = dict[str, Any]
 MAX_CASES = 1_000_000
 _TOP = ("title", "env", "seeds", "fixed", "sweep", "plot")
 _PLOT = ("x", "y", "value", "panel", "line")
-_PLAIN = ("policy", "seed")
+_PLAIN = ("policy", "seed", "design")
 LIMIT = "env.max_episode_steps"
 
 
@@ -81,10 +83,10 @@ class Study:
         return count
 
 
-def case_id(case: Case, policy_file: Path | None = None) -> str:
-    """A name for a case that depends on its content only, that of its policy's file included."""
+def case_id(case: Case, files: Sequence[Path] = ()) -> str:
+    """A name for a case that depends on its content only, that of its policy's files included."""
     text = json.dumps(case, sort_keys=True, separators=(",", ":"))
-    content = text.encode() + (b"" if policy_file is None else policy_file.read_bytes())
+    content = b"".join([text.encode(), *(file.read_bytes() for file in files)])
     return hashlib.sha256(content).hexdigest()[:16]
 
 
@@ -155,6 +157,11 @@ def parse(content: Mapping[str, Any], name: str) -> Study:
     for policy in (*sweep.get("policy", ()), fixed.get("policy", "")):
         if not isinstance(policy, str):
             raise StudyError(f"policy = {policy!r} is not allowed: it must be a name or a file")
+    for design in (*sweep.get("design", ()), *((fixed["design"],) if "design" in fixed else ())):
+        if design not in WORDS:
+            raise StudyError(f"design = {design!r} is not allowed: there are {', '.join(WORDS)}")
+    if "design" in (*fixed, *sweep) and any(k.startswith("design.") for k in (*fixed, *sweep)):
+        raise StudyError("a study has either design or design.<keyword>")
     plot = _mapping("plot", content.get("plot", {}))
     _check_plot(plot, {**{key: [value] for key, value in fixed.items()}, **sweep}, scores)
     title = str(content.get("title", name))

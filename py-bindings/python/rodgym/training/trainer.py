@@ -1,76 +1,56 @@
-"""Trains an agent on the native batch, watching it on validation seeds as it learns."""
+"""Trains an agent on the native batch, from the start or from a checkpoint."""
 
 from __future__ import annotations
 
 import inspect
 import json
-import threading
-import time
+import pickle
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import stable_baselines3
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
-from stable_baselines3.common.vec_env import VecEnv, VecFrameStack
 
-import rodgym.sb3
 from rodgym import _checks as checks
-from rodgym.evaluation import evaluate
 from rodgym.evaluation.conditions import conditions
-from rodgym.evaluation.policies import CARD, Policy, Stacked
+from rodgym.evaluation.policies import CARD
 from rodgym.progress import Bar, interrupt_flag
-from rodgym.runs import Run, versions, write_csv
-from rodgym.training.own_actions import OwnActions
+from rodgym.runs import Run, RunError, versions, write_csv
+from rodgym.training import checkpoint
+from rodgym.training.environments import action_noise, make_training_env
+from rodgym.training.expressions import classes
+from rodgym.training.hyperparams import check_hyperparams
 from rodgym.training.recipe import Recipe, RecipeError, load_recipe
+from rodgym.training.training import POLICY, STATISTICS, Training, load_training
+from rodgym.training.watch import CURVE, VALIDATION_SEEDS, Watch
 
-#: Seeds that choose among the agent's stages. Tables are made on other ones (0 to 99 by default).
-VALIDATION_SEEDS = range(10_000, 10_032)
-#: How often the agent is validated during a training.
-VALIDATIONS = 25
-#: Arguments of an algorithm that are the trainer's to choose.
-NOT_HYPERPARAMS = ("policy", "env", "seed", "device", "_init_setup_model")
-#: Hyperparameters that count something.
-COUNTS = ("batch_size", "buffer_size", "n_epochs", "n_steps", "policy_delay", "stats_window_size")
-#: Numbers that may be left out.
-OPTIONAL_NUMBERS = ("clip_range_vf", "target_kl")
-#: Columns of ``learning_curve.csv``, before the share of episodes that did their task, where the
-#: machine has a column for it.
-CURVE = ("steps", "seconds", "training_return", "return", "return_low", "return_high")
+__all__ = ["CURVE", "VALIDATION_SEEDS", "Job", "keep_unfinished", "resume", "train", "unfinished"]
+from rodgym.zoo.algorithms import algorithm_class
+
+#: The state of a training that has not ended.
+CHECKPOINT = "checkpoint.pkl"
+#: Where TensorBoard's events go, and kept stages of an agent.
+TENSORBOARD, STAGES = "tensorboard", "stages"
+#: How an entry of ``run.json`` says where a training stands.
+RUNNING, INTERRUPTED, FINISHED = "running", "interrupted", "finished"
 
 
 @dataclass(frozen=True)
-class Training:
-    """What came out: the best validated stage of the agent, saved, and its curve.
+class Job:
+    """What is to be learnt, where and how."""
 
-    ``curve`` has the columns named ``columns``: :data:`CURVE` and successes; ``seconds`` is the
-    wall time, validation included; ``interrupted`` says that Ctrl-C ended it early.
-    """
-
-    policy: Path
+    env_id: str
+    env_kwargs: Mapping[str, Any]
     recipe: Recipe
     seed: int
-    columns: Sequence[str]
-    curve: Sequence[Sequence[float]]
-    best_steps: int
-    seconds: float
-    steps: int
-    interrupted: bool
-
-
-def make_training_env(
-    env_id: str, recipe: Recipe, seed: int, env_kwargs: Mapping[str, Any]
-) -> VecEnv:
-    """The native batch as Stable-Baselines3 wants it, with the returns of episodes recorded."""
-    env = rodgym.sb3.make_vec_env(env_id, recipe.n_envs, seed, env_kwargs=dict(env_kwargs))
-    env = OwnActions(env) if recipe.own_actions else env
-    return VecFrameStack(env, recipe.frame_stack) if recipe.frame_stack > 1 else env
+    tensorboard: bool = False
+    stages: bool = False
+    resumable: bool = True
 
 
 def train(
@@ -80,11 +60,30 @@ def train(
     recipe: Recipe | None = None,
     seed: int = 0,
     env_kwargs: Mapping[str, Any] | None = None,
+    tensorboard: bool = False,
+    stages: bool = False,
+    callbacks: Sequence[BaseCallback] = (),
+    on_validation: Callable[[int, float], None] | None = None,
+    resumable: bool = True,
     quiet: bool = False,
 ) -> Training:
     """Trains, and saves ``policy.zip`` and ``learning_curve.csv`` in the run's folder.
 
-    Ctrl-C ends the training after the current step; what was learnt until then is kept.
+    Ctrl-C ends the training after the current step; what was learnt until then is kept, and
+    :func:`resume` goes on.
+
+    Parameters
+    ----------
+    env_id, env_kwargs: the environment
+    run: folder of the results
+    recipe: how to train; the zoo's, if there is none
+    seed: of the agent and, one after the other, of the environments
+    tensorboard: whether events are written into the run's folder ``tensorboard``
+    stages: whether the agent of every validation is kept in the folder ``stages``
+    callbacks: callbacks of Stable-Baselines3, beside those that the recipe names
+    on_validation: called with steps and mean return at every validation
+    resumable: whether checkpoints are written, from which :func:`resume` goes on
+    quiet: whether nothing is shown
 
     Raises
     ------
@@ -93,106 +92,233 @@ def train(
     """
     recipe = recipe or load_recipe(env_id)
     seed = checks.whole("seed", seed, 0, 2**32 - 1, "a whole number from 0 to 2^32 - 1")
-    env_id, kwargs = conditions(env_id, env_kwargs)
+    env_id, kwargs = conditions(env_id, {**recipe.env_kwargs, **(env_kwargs or {})})
+    job = Job(env_id, kwargs, recipe, seed, tensorboard, stages, resumable)
+    named = classes("callback", recipe.callback, BaseCallback)
+    made = [_callback(kind, keywords) for kind, keywords in named]
+    return _learn(job, run, make_model(job), [*made, *callbacks], None, quiet, on_validation)
+
+
+def resume(run: Run, *, quiet: bool = False) -> Training:
+    """Goes on with a training that was interrupted or killed, to the bits of an uninterrupted one.
+
+    It goes on from its last checkpoint; what it did after that it does again. A training that has
+    ended is returned as it is.
+
+    Raises
+    ------
+    RunError: the folder has no training, or its checkpoint cannot be read
+    """
+    path = run.path / CHECKPOINT
+    if not path.is_file():
+        if (run.path / POLICY).is_file():
+            return load_training(run.path)
+        raise RunError(f"nothing to resume in {run.path}: it has no {CHECKPOINT}")
     # The networks are small: a second thread costs more in waiting than it gains.
     torch.set_num_threads(1)
-    env = make_training_env(env_id, recipe, seed, kwargs)
-    algorithm = getattr(stable_baselines3, recipe.algorithm)
-    check_hyperparams(recipe, algorithm)
     try:
-        model: BaseAlgorithm = algorithm(
-            recipe.policy, env, seed=seed, device="cpu", **recipe.keywords()
+        state = checkpoint.read(path)
+    except ValueError as error:
+        raise RunError(str(error)) from error
+    return _learn(state["job"], run, state["model"], state["callbacks"], state["watch"], quiet)
+
+
+def unfinished(run: Run) -> bool:
+    """Whether a run's folder has a training that :func:`resume` would go on with."""
+    return (run.path / CHECKPOINT).is_file()
+
+
+def keep_unfinished(run: Run) -> None:
+    """Refuses to begin where a training that was not finished would be lost.
+
+    Raises
+    ------
+    RunError: the folder has one
+    """
+    if unfinished(run):
+        raise RunError(
+            f"{run.path} has a training that was not finished: --resume goes on with it, "
+            "another --name or --force begin anew"
         )
+
+
+def make_model(job: Job) -> BaseAlgorithm:
+    """A fresh agent in its environments.
+
+    Raises
+    ------
+    RecipeError: a hyperparameter that the algorithm does not take
+    """
+    torch.set_num_threads(1)
+    recipe = job.recipe
+    algorithm = algorithm_class(recipe.algorithm)
+    check_hyperparams(recipe, algorithm)
+    env = make_training_env(job.env_id, recipe, job.seed, job.env_kwargs)
+    keywords = {**recipe.keywords(), **action_noise(recipe, env.action_space)}
+    try:
+        return algorithm(recipe.policy, env, seed=job.seed, device="cpu", **keywords)
     except (AssertionError, TypeError, ValueError) as error:
         raise RecipeError(f"{recipe.algorithm} cannot be made so: {error}") from error
+
+
+def _callback(kind: type, keywords: Mapping[str, Any]) -> BaseCallback:
+    try:
+        return kind(**keywords)  # type: ignore[no-any-return]
+    except (TypeError, ValueError) as error:
+        raise RecipeError(f"callback: {kind.__name__} cannot be made so: {error}") from error
+
+
+def _learn(
+    job: Job,
+    run: Run,
+    model: BaseAlgorithm,
+    callbacks: Sequence[BaseCallback],
+    state: Mapping[str, Any] | None,
+    quiet: bool,
+    on_validation: Callable[[int, float], None] | None = None,
+) -> Training:
+    """Learns to the end, from the start or, with the state of a watch, from there."""
+    recipe = job.recipe
     # Made now, so that a folder that cannot be written is known before anything is learnt.
-    path = run.file("policy.zip")
+    recipe.write(run.file("recipe.yml"), job.env_id)
+    model.tensorboard_log = str(run.path / TENSORBOARD) if job.tensorboard else None
+    whole = in_rollouts(recipe.n_timesteps, model)
     title = f"training {recipe.algorithm}"
     with interrupt_flag() as flag, Bar(title, recipe.n_timesteps, quiet) as bar:
-        if recipe.n_timesteps != (whole := in_rollouts(recipe.n_timesteps, model)):
+        if state is None and recipe.n_timesteps != whole:
             bar.say(
                 f"{recipe.n_timesteps:,} steps become {whole:,}: {recipe.algorithm} learns "
                 f"every {in_rollouts(1, model):,} steps of {recipe.n_envs} environments"
             )
-        watch = Watch(env_id, kwargs, recipe, bar, flag)
-        model.learn(recipe.n_timesteps, callback=watch)
-        watch.validate()
-    model.policy.load_state_dict(watch.best_parameters)
-    card = {
-        "env": env_id,
-        "env_kwargs": kwargs,
-        "algorithm": recipe.algorithm,
-        "frame_stack": recipe.frame_stack,
-        "own_actions": recipe.own_actions,
-        "recipe": recipe.as_dict(),
-        "seed": seed,
-        "steps": model.num_timesteps,
-        "best_steps": watch.best_steps,
-        "versions": versions(),
+        keeper = Keeper(job, run, callbacks, bar, whole)
+        told = [keeper.stage] if job.stages else []
+        if on_validation is not None:
+            told.append(lambda watch: on_validation(watch.num_timesteps, watch.last_return))
+        watch = Watch(job.env_id, job.env_kwargs, recipe, bar, flag, keeper.checkpoint, told)
+        if state is not None:
+            watch.resume(state)
+        try:
+            model.learn(
+                recipe.n_timesteps - model.num_timesteps,
+                callback=[watch, *callbacks],
+                tb_log_name=recipe.algorithm,
+                reset_num_timesteps=state is None,
+            )
+            watch.validate()
+        except BaseException:
+            keeper.say(watch, INTERRUPTED)
+            raise
+    training = keeper.finish(watch, flag.is_set())
+    assert model.env is not None
+    model.env.close()
+    return training
+
+
+class Keeper:
+    """Writes a training into its run's folder: checkpoints, stages, and the agent in the end."""
+
+    def __init__(
+        self, job: Job, run: Run, callbacks: Sequence[BaseCallback], bar: Bar, steps: int
+    ) -> None:
+        self.job = job
+        self.run = run
+        self.callbacks = list(callbacks)
+        self.bar = bar
+        self.steps = steps
+        self.possible = job.resumable
+
+    def checkpoint(self, watch: Watch) -> None:
+        """Writes the whole state of the training, and how far it is."""
+        self.say(watch, RUNNING)
+        if not self.possible:
+            return
+        state = {
+            "job": self.job,
+            "model": watch.model,
+            "callbacks": self.callbacks,
+            "watch": watch.state(),
+        }
+        try:
+            checkpoint.write(self.run.file(CHECKPOINT), state)
+        except OSError:
+            raise
+        except Exception as error:  # Whatever a wrapper, a callback or a server's batch raises.
+            self.possible = False
+            self.bar.say(f"it cannot be resumed, since its state cannot be written: {error}")
+
+    def stage(self, watch: Watch) -> None:
+        """Saves the present agent as a policy of its own."""
+        path = self.run.folder() / STAGES
+        path.mkdir(exist_ok=True)
+        normalize = watch.model.get_vec_normalize_env()
+        content = None if normalize is None else pickle.dumps(normalize)
+        card = {**self._card(watch), "best_steps": watch.num_timesteps}
+        save(watch.model, path / f"policy-{watch.num_timesteps}.zip", card, content)
+
+    def finish(self, watch: Watch, interrupted: bool) -> Training:
+        """Saves the best stage, the curve and how far the training came."""
+        model, path = watch.model, self.run.file(POLICY)
+        model.policy.load_state_dict(watch.best_parameters)
+        seconds = round(watch.seconds, 2)
+        card = {**self._card(watch), "seconds": seconds, "interrupted": interrupted}
+        save(model, path, card, watch.best_statistics)
+        write_csv(self.run.file("learning_curve.csv"), watch.columns, watch.curve)
+        if not interrupted:
+            (self.run.path / CHECKPOINT).unlink(missing_ok=True)
+        self.say(watch, INTERRUPTED if interrupted else FINISHED)
+        return Training(
+            policy=path,
+            recipe=self.job.recipe,
+            seed=self.job.seed,
+            columns=watch.columns,
+            curve=watch.curve,
+            best_steps=watch.best_steps,
+            seconds=seconds,
+            steps=model.num_timesteps,
+            interrupted=interrupted,
+        )
+
+    def _card(self, watch: Watch) -> dict[str, Any]:
+        recipe = self.job.recipe
+        return {
+            "env": self.job.env_id,
+            "env_kwargs": self.job.env_kwargs,
+            "algorithm": recipe.algorithm,
+            "frame_stack": recipe.frame_stack,
+            "own_actions": recipe.own_actions,
+            "wrappers": recipe.wrappers(),
+            "recipe": recipe.as_dict(),
+            "hyperparameters": every_hyperparameter(watch.model),
+            "seed": self.job.seed,
+            "steps": watch.model.num_timesteps,
+            "best_steps": watch.best_steps,
+            "versions": versions(),
+        }
+
+    def say(self, watch: Watch, state: str) -> None:
+        """Says in ``run.json`` how far the training is, so that a killed one says it too."""
+        self.run.facts |= {
+            "env": self.job.env_id,
+            "env_kwargs": dict(self.job.env_kwargs),
+            "seed": self.job.seed,
+            "recipe": self.job.recipe.as_dict(),
+            "training": {"state": state, "steps": watch.model.num_timesteps, "of": self.steps},
+        }
+        self.run.write_facts()
+
+
+def every_hyperparameter(model: BaseAlgorithm) -> dict[str, Any]:
+    """All arguments of the algorithm, the library's defaults among them, as JSON can say them."""
+    values = {
+        name: getattr(model, name)
+        for name in inspect.signature(type(model)).parameters
+        if hasattr(model, name) and name not in ("env", "policy", "device", "seed")
     }
-    save(model, path, card)
-    env.close()
-    write_csv(run.file("learning_curve.csv"), watch.columns, watch.curve)
-    return Training(
-        policy=path,
-        recipe=recipe,
-        seed=seed,
-        columns=watch.columns,
-        curve=watch.curve,
-        best_steps=watch.best_steps,
-        seconds=watch.seconds,
-        steps=model.num_timesteps,
-        interrupted=flag.is_set(),
-    )
+    return {name: value if _is_plain(value) else str(value) for name, value in values.items()}
 
 
-def check_hyperparams(recipe: Recipe, algorithm: type[BaseAlgorithm]) -> None:
-    """Refuses names that the algorithm does not have and values of the wrong kind.
-
-    Raises
-    ------
-    RecipeError: the first of them
-    """
-    parameters = inspect.signature(algorithm).parameters
-    known = [name for name in parameters if name not in NOT_HYPERPARAMS]
-    for name, value in recipe.keywords().items():
-        if name not in known:
-            raise RecipeError(
-                f"{name!r} is no hyperparameter of {recipe.algorithm}: it has {', '.join(known)}"
-            )
-        fits, allowed = kind_of(name, parameters[name].default)
-        if not fits(value):
-            raise RecipeError(
-                f"{name} = {value!r} is not allowed for {recipe.algorithm}: it must be {allowed}"
-            )
-
-
-def kind_of(name: str, default: Any) -> tuple[Callable[[Any], bool], str]:
-    """What a hyperparameter may be, by its default, and the same in words."""
-
-    def number(value: Any) -> bool:
-        return isinstance(value, int | float) and not isinstance(value, bool)
-
-    def whole(value: Any) -> bool:
-        return isinstance(value, int) and not isinstance(value, bool)
-
-    if name in COUNTS:
-        return (lambda value: whole(value) and value >= 1), "a whole number of at least 1"
-    if name in OPTIONAL_NUMBERS:
-        return (lambda value: value is None or number(value) or callable(value)), "a number or null"
-    if name == "policy_kwargs":
-        return (lambda value: isinstance(value, dict)), "a mapping"
-    if name == "train_freq":
-        pair = "a whole number or a pair such as [1, episode]"
-        return (lambda value: whole(value) or isinstance(value, list | tuple)), pair
-    if isinstance(default, bool):
-        return (lambda value: isinstance(value, bool)), "true or false"
-    if isinstance(default, int):
-        return whole, "a whole number"
-    if isinstance(default, float):
-        # A schedule is a function of the remaining share of the training.
-        return (lambda value: number(value) or callable(value)), "a number"
-    return (lambda value: True), ""
+def _is_plain(value: Any) -> bool:
+    return value is None or isinstance(value, bool | int | float | str)
 
 
 def in_rollouts(steps: int, model: BaseAlgorithm) -> int:
@@ -202,81 +328,12 @@ def in_rollouts(steps: int, model: BaseAlgorithm) -> int:
     return -(-steps // rollout) * rollout
 
 
-def save(model: BaseAlgorithm, path: Path, card: Mapping[str, Any]) -> None:
+def save(
+    model: BaseAlgorithm, path: Path, card: Mapping[str, Any], statistics: bytes | None
+) -> None:
     """Saves a Stable-Baselines3 model with a card inside that says how it was made."""
     model.save(path)
     with zipfile.ZipFile(path, "a") as archive:
-        archive.writestr(CARD, json.dumps(card, indent=2) + "\n")
-
-
-class Watch(BaseCallback):
-    """Validates at regular steps, keeps the best stage, shows progress, ends on Ctrl-C."""
-
-    def __init__(
-        self,
-        env_id: str,
-        env_kwargs: Mapping[str, Any],
-        recipe: Recipe,
-        bar: Bar,
-        interrupted: threading.Event,
-    ) -> None:
-        super().__init__()
-        self.env_id = env_id
-        self.env_kwargs = env_kwargs
-        self.recipe = recipe
-        self.every = max(1, recipe.n_timesteps // VALIDATIONS)
-        self.bar = bar
-        self.interrupted = interrupted
-        self.columns: tuple[str, ...] = CURVE
-        self.curve: list[tuple[float, ...]] = []
-        self.best_return = -np.inf
-        self.best_steps = 0
-        self.best_parameters: dict[str, torch.Tensor] = {}
-        self.began = time.perf_counter()
-        self.next = 0
-
-    @property
-    def seconds(self) -> float:
-        """Wall time since the start."""
-        return time.perf_counter() - self.began
-
-    def _on_rollout_start(self) -> None:
-        # Between rollouts, where the agent has just changed.
-        if self.num_timesteps >= self.next:
-            self.next = self.num_timesteps + self.every
-            self.validate()
-
-    def _on_step(self) -> bool:
-        self.bar.at(self.num_timesteps)
-        return not self.interrupted.is_set()
-
-    def validate(self) -> None:
-        """Plays the validation seeds with the present stage of the agent."""
-        model: Policy = self.model  # type: ignore[assignment]
-        depth, own = self.recipe.frame_stack, self.recipe.own_actions
-        actions = int(self.model.action_space.shape[0]) if own else 0  # type: ignore[index]
-        actor = Stacked(model, depth, actions) if depth > 1 or own else model
-        result = evaluate(actor, self.env_id, VALIDATION_SEEDS, env_kwargs=self.env_kwargs)
-        returns = result.columns["return"]
-        successes = {c.name: result.mean(c.name) for c in result.described if c.success}
-        self.columns = (*CURVE, *successes)
-        recent = [episode["r"] for episode in self.model.ep_info_buffer or []]
-        self.curve.append(
-            (
-                self.num_timesteps,
-                round(self.seconds, 2),
-                float(np.mean(recent)) if recent else float("nan"),
-                float(returns.mean()),
-                float(returns.min()),
-                float(returns.max()),
-                *successes.values(),
-            )
-        )
-        if returns.mean() > self.best_return:
-            self.best_return = float(returns.mean())
-            self.best_steps = self.num_timesteps
-            state = self.model.policy.state_dict()
-            self.best_parameters = {key: value.clone() for key, value in state.items()}
-        speed = self.num_timesteps / max(self.seconds, 1e-9)
-        done = "".join(f", {name} {share:4.0%}" for name, share in successes.items())
-        self.bar.say(f"return {returns.mean():.0f}{done}, {speed:,.0f} steps/s")
+        archive.writestr(CARD, json.dumps(card, indent=2, default=str) + "\n")
+        if statistics is not None:
+            archive.writestr(STATISTICS, statistics)

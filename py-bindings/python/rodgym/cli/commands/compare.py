@@ -6,10 +6,22 @@ With --policy nothing is trained: the given policies are compared.
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rodgym.cli.arguments import UsageError, add_env, add_run, add_seeds, env_keywords
-from rodgym.cli.commands.train import add_training
+from rodgym.cli.arguments import (
+    UsageError,
+    add_designs,
+    add_env,
+    add_normalize,
+    add_run,
+    add_seeds,
+    add_trajectories,
+    designs,
+    env_keywords,
+)
+from rodgym.cli.commands.train import add_training, options
 
 if TYPE_CHECKING:
     from rodgym.report import Entrant
@@ -20,6 +32,8 @@ EXAMPLES = """
 rodgym compare
 rodgym compare --env rodgym/PendulumSwingUpBase-v0 --controller lqg,thesis-lqg
 rodgym compare --policy lqr --controller lqr-hybrid
+rodgym compare --train-seeds 10
+rodgym compare --policy runs/ten --controller lqr
 rodgym compare --policy zoo,runs/demo/policy.zip --controller lqr --env-arg width=0.0081
 """
 
@@ -41,9 +55,13 @@ def add_arguments(parser: argparse.ArgumentParser, **run: str) -> None:
         type=some_names,
         metavar="FILE,...",
         help="policies to compare instead of training one: files, 'zoo' for the one that comes "
-        "with rodgym, or controllers",
+        "with rodgym, controllers, classes of yours: mine.py:Class, or the folder of several "
+        "trainings (rodgym train --train-seeds), which is one row",
     )
+    add_designs(parser)
+    add_normalize(parser)
     add_seeds(parser)
+    add_trajectories(parser)
     add_training(parser)
     add_run(parser, **run)
 
@@ -66,57 +84,71 @@ def given(value: object) -> bool:
 
 
 #: Arguments that concern a training.
-TRAINING = ("algorithm", "steps", "seed", "recipe", "changes", "force")
+TRAINING = ("algorithm", "steps", "seed", "train_seeds", "recipe", "changes")
 
 
 def run(args: argparse.Namespace) -> int:
-    import gymnasium as gym
-
     from rodgym import machines
-    from rodgym.cli.needs import REPORT, need, of_env, of_policy
+    from rodgym.cli.entrants import new_run, rows_of, trained
+    from rodgym.cli.needs import REPORT, need, of_data, of_env, of_policy
     from rodgym.cli.needs import TRAINING as TRAINS
-    from rodgym.evaluation import load_policy
-    from rodgym.runs import Run, default_name
+    from rodgym.evaluation.conditions import make_batch
+    from rodgym.evaluation.policies import ready
+    from rodgym.runs import default_name
 
     asked = [name for name in TRAINING if given(getattr(args, name))]
     if args.policy and asked:
-        named = ", ".join("--set" if name == "changes" else f"--{name}" for name in asked)
-        raise UsageError(f"{named}: nothing is trained where --policy is given")
+        raise UsageError(f"{options(asked)}: nothing is trained where --policy is given")
     policies = of_policy(*args.policy) if args.policy else TRAINS
-    need(*policies, *REPORT, *of_env(args.env))
-    folder = Run(args.name or default_name("compare", args.env), args.runs)
-    if not (args.policy or args.force):
-        folder.keep_policy()
-    # A wrong name is said now, not after minutes of training.
-    env = gym.make_vec(args.env, num_envs=1, **env_keywords(args.env, args.env_arg))
-    spec = machines.spec_of(env)
-    usual = machines.of(spec).controllers(spec)
-    controllers = list(usual) if args.controller is None else args.controller
-    if not controllers and not args.policy:
+    need(*policies, *REPORT, *of_env(args.env), *of_data(args.trajectories, None))
+    from rodgym.report import Entrant  # It draws, so that it needs what was asked for above.
+
+    keywords = env_keywords(args.env, args.env_arg)
+    env = make_batch(args.env, 1, keywords)
+    try:
+        spec = machines.spec_of(env)
+        usual = machines.of(spec).controllers(spec)
+        controllers = list(usual) if args.controller is None else args.controller
+        if not controllers and not args.policy:
+            raise UsageError("nothing to compare: give --controller or --policy")
+        rows = [
+            row
+            for source in [*(args.policy or []), *controllers]
+            for row in rows_of(source, spec, designs(args.design))
+        ]
+        # A wrong name is said now, not after minutes of training.
+        entrants = []
+        for row in rows:
+            statistics = None if row.design else args.normalize
+            first, *others = trained(row.policy)
+            for policy in (first, *others):
+                ready(policy, env, args.env, row.design, statistics)
+            entrants.append(Entrant(row.name, first, row.design, statistics, tuple(others)))
+    finally:
         env.close()
-        raise UsageError("nothing to compare: give --controller or --policy")
-    for name in [*controllers, *(args.policy or [])]:
-        load_policy(name, env)
-    env.close()
-    if args.policy:
-        folder.folder()
-    return report(args, controllers, folder)
+    folder = new_run(args.name or default_name("compare", args.env), args.runs, args.force)
+    folder.folder()
+    return report(args, entrants, folder)
 
 
-def report(args: argparse.Namespace, controllers: list[str], folder: Run) -> int:
+def report(args: argparse.Namespace, entrants: list[Entrant], folder: Run) -> int:
     """The work of ``compare`` and ``demo``."""
-    from rodgym.cli.commands.train import train
-    from rodgym.cli.entrants import title
+    from rodgym.cli.commands.train import train_all
     from rodgym.evaluation import comparison_table
     from rodgym.report import Entrant, compare, write_page
 
-    training = None
-    if args.policy:
-        entrants = [Entrant(title(source), source) for source in args.policy]
-    else:
-        training = train(args, folder)
-        entrants = [Entrant(training.recipe.algorithm, str(training.policy))]
-    entrants += [Entrant(title(source), source) for source in controllers]
+    trainings = []
+    if args.policy and entrants[0].others:
+        from rodgym.training import load_training
+
+        # Several trainings of one recipe: their curves are beside them.
+        paths = (entrants[0].policy, *entrants[0].others)
+        trainings = [load_training(Path(str(path)).parent) for path in paths]
+    elif not args.policy:
+        trainings = train_all(args, folder)
+        first, *others = (str(training.policy) for training in trainings)
+        name = trainings[0].recipe.algorithm
+        entrants = [Entrant(name, first, others=tuple(others)), *entrants]
     print("evaluating and drawing ...", flush=True)
     comparison = compare(
         unique(entrants),
@@ -124,33 +156,39 @@ def report(args: argparse.Namespace, controllers: list[str], folder: Run) -> int
         folder,
         seeds=args.seeds,
         env_kwargs=dict(args.env_arg),
-        training=training,
+        trainings=trainings,
+        trajectories=args.trajectories,
     )
-    folder.facts |= {"env": args.env, "env_kwargs": dict(args.env_arg), "seeds": str(args.seeds)}
-    if training is not None:
+    folder.facts |= {
+        "env": args.env,
+        "env_kwargs": dict(args.env_arg),
+        "seeds": str(args.seeds),
+        "designs": {e.policy: e.design for e in comparison.evaluations},
+    }
+    if trainings:
         folder.facts |= {
-            "training_seed": training.seed,
-            "training_seconds": round(training.seconds, 1),
-            "recipe": training.recipe.as_dict(),
+            "training_seeds": [training.seed for training in trainings],
+            "training_seconds": [round(training.seconds, 1) for training in trainings],
+            "recipe": trainings[0].recipe.as_dict(),
         }
     folder.write_facts()
     page = write_page(folder, comparison)
     print()
     print(comparison_table(comparison.evaluations))
     print()
+    for line in comparison.statistics:
+        print(line)
     print(f"report: {page}")
     return 0
 
 
 def unique(entrants: list[Entrant]) -> list[Entrant]:
     """Numbers entrants of one name, so that tables can tell them apart."""
-    from rodgym.report import Entrant
-
     count: dict[str, int] = {}
     result = []
     for entrant in entrants:
         count[entrant.name] = count.get(entrant.name, 0) + 1
         number = count[entrant.name]
         name = entrant.name if number == 1 else f"{entrant.name} {number}"
-        result.append(Entrant(name, entrant.policy))
+        result.append(replace(entrant, name=name))
     return result

@@ -1,0 +1,159 @@
+//! What derivatives of a control step cost, beside central differences in eight lanes and beside the step alone, in one
+//! run: `cargo bench -p rodgym-core --bench derivatives`.
+
+use rodgym_core::isa::{ForLanes, Isa, Kernel, dispatch, with_lanes};
+use rodgym_core::lane::{Lanewise, Mask, Real};
+use rodgym_core::pendulum::BarePendulum;
+use rodgym_core::rod::{Motion, Rod, Uniform};
+use rodgym_core::simulation::Simulation;
+use rodgym_core::solver::{Constant, Integrator, Scheme};
+use rodgym_core::watch::Watch;
+use serde_json::json;
+use std::hint::black_box;
+use std::time::Instant;
+
+const NODES: usize = 7;
+const CONTROL: f64 = 0.01;
+const TORQUE: f64 = 0.02;
+
+/// The median time of a call \[us\].
+fn median(mut call: impl FnMut()) -> f64 {
+    let mut times: Vec<f64> = (0..41)
+        .map(|_| {
+            let began = Instant::now();
+            for _ in 0..20 {
+                call();
+            }
+            began.elapsed().as_secs_f64() / 20.0 * 1e6
+        })
+        .collect();
+    times.sort_by(f64::total_cmp);
+    times[times.len() / 2]
+}
+
+fn rod() -> Rod<f64> {
+    Uniform {
+        nodes: NODES,
+        length: 0.3,
+        width: 0.007,
+        density: 1500.0,
+        youngs_modulus: 1e7,
+        damping: 0.0,
+        bending_damping: 5e-4,
+        gravity: 9.81,
+    }
+    .rod()
+}
+
+/// Runs of a control step in lanes: two for every number of the state and for the torque.
+struct Differences {
+    isa: Isa,
+    scheme: Scheme,
+    dt: f64,
+    start: Motion<f64>,
+    states: usize,
+}
+
+struct Runs<'a, R: Real> {
+    rods: &'a Rod<R>,
+    integrator: &'a mut Integrator<R>,
+    motions: &'a mut [Motion<R>],
+    steps: usize,
+}
+
+impl<R: Real> Kernel for Runs<'_, R> {
+    type Output = bool;
+    #[inline(always)]
+    fn run(self) -> bool {
+        let mut sound = true;
+        for motion in self.motions {
+            let drive = Constant(R::splat(TORQUE));
+            sound &= self.integrator.advance(self.rods, motion, &drive, self.steps).all();
+        }
+        sound
+    }
+}
+
+impl ForLanes for Differences {
+    type Output = f64;
+    fn make<R: Real>(self) -> f64 {
+        let Differences { isa, scheme, dt, start, states } = self;
+        let mut rods = Rod::<R>::new(NODES);
+        let mut wide = Motion::<R>::new(NODES);
+        for lane in 0..R::LANES {
+            rods.set_lane(lane, &rod());
+            wide.set_lane(lane, &start);
+        }
+        let blocks = (2 * (states + 1)).div_ceil(R::LANES);
+        let mut starts = vec![wide; blocks];
+        for (i, motion) in starts.iter_mut().enumerate() {
+            for lane in 0..R::LANES {
+                let x = motion.x[1 + i % (NODES - 1)].x.get(lane);
+                motion.x[1 + i % (NODES - 1)].x.set(lane, x + 1e-7 * lane as f64);
+            }
+        }
+        let mut motions = starts.clone();
+        let mut integrator = Integrator::new(scheme, dt, NODES);
+        let steps = (CONTROL / dt).round() as usize;
+        median(|| {
+            for (motion, start) in motions.iter_mut().zip(&starts) {
+                motion.copy_from(start);
+            }
+            let (rods, integrator, motions) = (&rods, &mut integrator, &mut motions[..]);
+            assert!(dispatch(isa, Runs { rods, integrator, motions, steps }));
+        })
+    }
+}
+
+fn main() {
+    let isa = Isa::current().expect("it is one of this machine");
+    println!("us a control step of 10 ms, {NODES} nodes, {}", isa.name());
+    println!(
+        "| scheme | step | plain | Jacobian | with 7 parameters | differences in lanes | share |"
+    );
+    println!("|---|---|---|---|---|---|---|");
+    for (scheme, dt) in [
+        (Scheme::Verlet, 2e-4),
+        (Scheme::Verlet, 5e-4),
+        (Scheme::BackwardEuler, 1e-3),
+        (Scheme::Implicit, 1e-3),
+        (Scheme::Bdf2, 1e-3),
+        (Scheme::TrBdf2, 1e-3),
+        (Scheme::Esdirk3, 1e-3),
+    ] {
+        let given = json!({"stepper": scheme.name(), "physics_dt": dt, "nodes": NODES});
+        let mut sim = BarePendulum::new(given.as_object().expect("one")).expect("allowed");
+        sim.set_angles(&[1.0, 1.1, 1.2, 1.3, 1.3, 1.2], &[3.0, 2.0, 1.0, 0.0, -1.0, -2.0])
+            .expect("six edges");
+        sim.step(TORQUE, 20).expect("it steps");
+        let steps = (CONTROL / dt).round() as u64;
+        let mut start = Motion::new(NODES);
+        let state = sim.state();
+        for i in 0..NODES {
+            (start.x[i].x, start.x[i].y) = (state.positions[i][0], state.positions[i][1]);
+            (start.v[i].x, start.v[i].y) = (state.velocities[i][0], state.velocities[i][1]);
+        }
+        Integrator::<f64>::prepare(scheme, &rod(), &mut start);
+        let states = sim.vector().expect("it has one").len();
+        let mut integrator = Integrator::<f64>::new(scheme, dt, NODES);
+        let (rod, mut motion) = (rod(), start.clone());
+        let plain = median(|| {
+            motion.copy_from(&start);
+            assert!(integrator.advance_one(&rod, &mut motion, TORQUE, steps as usize));
+        });
+        let names: Vec<String> = sim.parameters().iter().map(|(name, _)| (*name).into()).collect();
+        let jacobian = |names: &[String]| {
+            median(|| {
+                black_box(sim.jacobian(TORQUE, steps, names, Watch::nobody()).expect("it steps"));
+            })
+        };
+        let (own, all) = (jacobian(&[]), jacobian(&names));
+        let differences = with_lanes(isa, Differences { isa, scheme, dt, start, states });
+        println!(
+            "| {} | {:.1} ms | {plain:.1} | {own:.1} | {all:.1} | {differences:.1} | {:.2} |",
+            scheme.name(),
+            dt * 1e3,
+            own / differences
+        );
+    }
+}

@@ -1,0 +1,335 @@
+//! Derivatives of a pendulum's steps by its state vector, by torque or action, and by parameters.
+//!
+//! Directions go in groups of eight: each group is the same pendulum in dual numbers. What happens once a step (a rod
+//! from its parameters, torques from an action, what sensors and tasks make of it) they go through as any number does;
+//! through physics steps they are carried along the tape of the step itself (`solver::carry`).
+
+use super::config::{Config, PARAMETERS, at, uniform};
+use super::plant::Plant;
+use super::sim::BarePendulum;
+use super::vector::{check_size, empty, set_vector, size, vector};
+use crate::batch::{Differentiated, Gradient};
+use crate::error::Result;
+use crate::given::place;
+use crate::lane::{DIRECTIONS, Dual, Lanewise, Real};
+use crate::rod::Rod;
+use crate::simulation::{Named, Simulation};
+use crate::solver::{Carried, Integrator, Phase, Tape, carry, pull_back};
+use crate::watch::Watch;
+
+/// Physics steps that a tape of the bare pendulum holds at once.
+const TAPE: usize = 64;
+
+/// The numbers `values`, of which the direction `first + i` is that of the i-th, as a group of directions has them.
+fn seeded(values: &[f64], first: usize, group: usize) -> Vec<Dual> {
+    let seed = |(i, &value): (usize, &f64)| match (first + i).checked_sub(group * DIRECTIONS) {
+        Some(direction) if direction < DIRECTIONS => Dual::variable(value, direction),
+        _ => Dual::constant(value),
+    };
+    values.iter().enumerate().map(seed).collect()
+}
+
+/// The same for all parameters, of which some are differentiated by.
+fn seeded_parameters(values: &[f64], chosen: &[usize], first: usize, group: usize) -> Vec<Dual> {
+    let mut all: Vec<Dual> = values.iter().map(|&value| Dual::constant(value)).collect();
+    let picked: Vec<f64> = chosen.iter().map(|&i| values[i]).collect();
+    for (&i, dual) in chosen.iter().zip(seeded(&picked, first, group)) {
+        // (A parameter that is named twice has two columns.)
+        for (to, slope) in all[i].slopes.iter_mut().zip(dual.slopes) {
+            *to += slope;
+        }
+    }
+    all
+}
+
+impl BarePendulum {
+    /// What the next `n` physics steps under a constant torque \[N m\] would be.
+    ///
+    /// # Errors
+    /// A step that fails in the smallest parts.
+    pub fn tape(&self, torque: f64, n: usize) -> Result<Tape> {
+        let mut sim = self.clone();
+        let mut tape = Tape::new(self.nodes());
+        for _ in 0..n {
+            sim.record(torque, Watch::nobody(), &mut tape)?;
+        }
+        Ok(tape)
+    }
+
+    /// A physics step, written down.
+    fn record(&mut self, torque: f64, watch: Watch<'_>, tape: &mut Tape) -> Result<()> {
+        let BarePendulum { integrator, rod, motion, .. } = self;
+        if !integrator.record(rod, motion, torque, 1, watch, tape) && !watch.stops() {
+            return Err(self.failed());
+        }
+        self.steps += 1;
+        Ok(())
+    }
+
+    /// Derivatives of the state after `n` physics steps under a constant torque \[N m\]: `A` by the state, `B` by the
+    /// torque, `P` by the parameters of these names. They mean nothing once `watch` has stopped them.
+    ///
+    /// # Errors
+    /// A torque that is not finite, an unknown name, a step that fails in the smallest parts.
+    pub fn jacobian(
+        &self,
+        torque: f64,
+        n: u64,
+        parameters: &[String],
+        watch: Watch<'_>,
+    ) -> Result<Vec<Named>> {
+        super::sim::check_torque(torque)?;
+        let chosen = chosen(parameters)?;
+        let (scheme, nodes) = (self.config.scheme, self.nodes());
+        let state = self.state_vector();
+        let (s, p) = (state.len(), chosen.len());
+        let mut groups: Vec<_> = (0..(s + 1 + p).div_ceil(DIRECTIONS))
+            .map(|group| {
+                let rod =
+                    uniform(nodes, &seeded_parameters(&self.values, &chosen, s + 1, group)).rod();
+                let (mut motion, mut past) = empty(scheme, nodes);
+                set_vector(scheme, &seeded(&state, 0, group), &mut motion, &mut past);
+                (rod, motion, past, seeded(&[torque], s, group)[0])
+            })
+            .collect();
+        let mut sim = self.clone();
+        let hand = sim.motion.x[1];
+        let mut phases = [Phase { tape: Tape::new(nodes), torque, hand: [hand, hand] }];
+        let mut left = n;
+        while left > 0 && !watch.stops() {
+            let [Phase { tape, hand, .. }] = &mut phases;
+            tape.clear();
+            hand[0] = sim.motion.x[1];
+            let run = left.min(TAPE as u64);
+            left -= run;
+            for _ in 0..run {
+                sim.record(torque, watch, tape)?;
+            }
+            hand[1] = sim.motion.x[1];
+            let mut carried: Vec<_> = groups
+                .iter_mut()
+                .map(|(rod, motion, past, torque)| Carried {
+                    rod,
+                    motion,
+                    past,
+                    torques: vec![*torque],
+                })
+                .collect();
+            carry(&sim.rod, &phases, &mut carried)?;
+        }
+        let next: Vec<_> =
+            groups.iter().map(|(_, motion, past, _)| vector(scheme, motion, past)).collect();
+        let next: Vec<&[Dual]> = next.iter().map(Vec::as_slice).collect();
+        Ok(vec![
+            Named::slopes("A", &next, 0, s),
+            Named::slopes("B", &next, s, 1),
+            Named::slopes("P", &next, s + 1, p),
+        ])
+    }
+}
+
+impl BarePendulum {
+    /// The way back: from the gradient of a number by the state after `n` physics steps to those by the state (`x`), by
+    /// the torque (`input`) and by parameters (`parameters`): its product with the matrices of `jacobian`.
+    ///
+    /// # Errors
+    /// Those of `jacobian`; not as many numbers as the state has.
+    pub fn pull_back(
+        &self,
+        torque: f64,
+        n: u64,
+        parameters: &[String],
+        gradient: &[f64],
+    ) -> Result<Vec<Named>> {
+        super::sim::check_torque(torque)?;
+        let chosen = chosen(parameters)?;
+        let (scheme, nodes) = (self.config.scheme, self.nodes());
+        check_size("gradient", gradient, size(scheme, nodes))?;
+        let materials = materials(nodes, &self.values, &chosen);
+        let (mut motion, mut past) = empty(scheme, nodes);
+        set_vector(scheme, gradient, &mut motion, &mut past);
+        let (mut by_torque, mut by_parameters) = (0.0, vec![0.0; materials.len() * DIRECTIONS]);
+        // Where every tape begins.
+        let mut starts = vec![self.clone()];
+        let tapes = n.div_ceil(TAPE as u64);
+        for _ in 1..tapes {
+            let mut sim = starts[starts.len() - 1].clone();
+            Simulation::step(&mut sim, torque, TAPE as u64)?;
+            starts.push(sim);
+        }
+        let mut left = n - n.min((tapes.max(1) - 1) * TAPE as u64);
+        for mut sim in starts.into_iter().rev() {
+            let start = sim.motion.x[1];
+            let mut tape = Tape::new(nodes);
+            for _ in 0..left {
+                sim.record(torque, Watch::nobody(), &mut tape)?;
+            }
+            left = TAPE as u64;
+            let phases = [Phase { tape, torque, hand: [start, sim.motion.x[1]] }];
+            let (torques, sums) =
+                pull_back(&self.rod, &phases, &materials, (&mut motion, &mut past))?;
+            by_torque += torques[0];
+            by_parameters.iter_mut().zip(sums).for_each(|(to, more)| *to += more);
+        }
+        by_parameters.truncate(chosen.len());
+        Ok(vec![
+            Named::vector("x", vector(scheme, &motion, &past)),
+            Named::vector("input", vec![by_torque]),
+            Named::vector("parameters", by_parameters),
+        ])
+    }
+}
+
+/// Rods of which the directions are those of the parameters, in groups.
+fn materials(nodes: usize, values: &[f64], chosen: &[usize]) -> Vec<Rod<Dual>> {
+    let group = |group| uniform(nodes, &seeded_parameters(values, chosen, 0, group)).rod();
+    (0..chosen.len().div_ceil(DIRECTIONS)).map(group).collect()
+}
+
+/// Places of the bare pendulum's parameters of these names.
+fn chosen(names: &[String]) -> Result<Vec<usize>> {
+    let known: Vec<_> = PARAMETERS[..at::TORQUE_LIMIT].iter().map(|row| row.name).collect();
+    names.iter().map(|name| place(name, &known)).collect()
+}
+
+/// How many of the torques that were asked for the next control step still needs.
+fn on_their_way(config: &Config) -> usize {
+    config.delay.div_ceil(config.substeps)
+}
+
+/// The state of a pendulum with its motor: see `vector`; then the torques on their way to it, newest first.
+pub fn plant_vector<R: Real>(config: &Config, plant: &Plant<R>) -> Vec<R> {
+    let mut all = vector(config.scheme, &plant.motion, &plant.integrator.past);
+    all.extend_from_slice(&plant.commands[..on_their_way(config)]);
+    all
+}
+
+/// A plant as it is, in groups of directions: by its vector, its last action and the parameters in these places.
+pub fn variables(config: &Config, plant: &Plant<f64>, chosen: &[usize]) -> Vec<Plant<Dual>> {
+    let state = plant_vector(config, plant);
+    let s = state.len();
+    let own = s - on_their_way(config);
+    let memory = Plant::<Dual>::new(config);
+    let mut groups = vec![memory; (s + 1 + chosen.len()).div_ceil(DIRECTIONS)];
+    for (group, dual) in groups.iter_mut().enumerate() {
+        dual.pair(plant, &mut |to: &mut Dual, from| *to = Dual::constant(*from));
+        let parameters = seeded_parameters(&plant.parameters, chosen, s + 1, group);
+        dual.parameters.copy_from_slice(&parameters);
+        uniform(config.nodes, &dual.parameters).shape(&mut dual.rod);
+        let seeds = seeded(&state, 0, group);
+        set_vector(config.scheme, &seeds[..own], &mut dual.motion, &mut dual.integrator.past);
+        dual.commands[..s - own].copy_from_slice(&seeds[own..]);
+        dual.action = seeded(&[plant.action], s, group)[0];
+        dual.posture = dual.take_posture();
+    }
+    groups
+}
+
+/// What an action is: its value within the bounds, and whether it was within them, where it has a slope.
+#[derive(Clone, Copy)]
+pub struct Told {
+    pub action: f64,
+    pub inside: bool,
+    /// The torque that disturbs the step \[N m\].
+    pub disturbance: f64,
+}
+
+/// Takes a control step, written down; `None` where the solver gave up.
+pub fn advance(config: &Config, plant: &mut Plant<f64>, told: Told) -> Option<Vec<Phase>> {
+    let mut phases = vec![];
+    for (torque, steps) in plant.take(config, told.action, told.disturbance) {
+        plant.torque = torque;
+        if steps == 0 {
+            continue;
+        }
+        let mut tape = Tape::new(config.nodes);
+        let Plant { rod, motion, integrator, torque, .. } = plant;
+        let start = motion.x[1];
+        if !integrator.record(rod, motion, *torque, steps, Watch::nobody(), &mut tape) {
+            return None;
+        }
+        phases.push(Phase { tape, torque: *torque, hand: [start, motion.x[1]] });
+    }
+    plant.posture = plant.take_posture();
+    Some(phases)
+}
+
+/// One control step and its derivatives, see `Machine::differentiate`.
+pub fn differentiate(
+    config: &Config,
+    plant: &Plant<f64>,
+    told: Told,
+    chosen: &[usize],
+) -> Result<Option<Differentiated<Plant<Dual>>>> {
+    let mut plants = variables(config, plant, chosen);
+    let s = plant_vector(config, plant).len();
+    let mut torques = vec![vec![]; plants.len()];
+    for (group, dual) in plants.iter_mut().enumerate() {
+        let mut action = seeded(&[told.action], s, group)[0];
+        if !told.inside {
+            action = Dual::constant(told.action);
+        }
+        for (torque, steps) in dual.take(config, action, Dual::constant(told.disturbance)) {
+            dual.torque = torque;
+            if steps > 0 {
+                torques[group].push(dual.torque);
+            }
+        }
+    }
+    let mut values = plant.clone();
+    let Some(phases) = advance(config, &mut values, told) else { return Ok(None) };
+    let mut carried: Vec<_> =
+        plants
+            .iter_mut()
+            .zip(torques)
+            .map(|(Plant { rod, motion, integrator: Integrator { past, .. }, .. }, torques)| {
+                Carried { rod, motion, past, torques }
+            })
+            .collect();
+    carry(&plant.rod, &phases, &mut carried)?;
+    for dual in &mut plants {
+        let value = &mut |to: &mut Dual, from: &f64| to.value = *from;
+        dual.motion.pair(&values.motion, value);
+        dual.integrator.pair(&values.integrator, value);
+        dual.posture = dual.take_posture();
+    }
+    let next = plants.iter().map(|dual| plant_vector(config, dual)).collect();
+    Ok(Some(Differentiated { next, plants }))
+}
+
+/// The way back through one control step, see `Machine::pull_back`.
+pub fn pull_back_step(
+    config: &Config,
+    plant: &Plant<f64>,
+    told: Told,
+    chosen: &[usize],
+    gradient: &[f64],
+) -> Result<Option<Gradient>> {
+    let mut values = plant.clone();
+    let Some(phases) = advance(config, &mut values, told) else { return Ok(None) };
+    let (late, part) = (on_their_way(config), config.delay % config.substeps);
+    let own = gradient.len() - late;
+    let (mut motion, mut past) = empty(config.scheme, config.nodes);
+    set_vector(config.scheme, &gradient[..own], &mut motion, &mut past);
+    let materials = materials(config.nodes, &plant.parameters, chosen);
+    let (torques, mut parameters) =
+        pull_back(&plant.rod, &phases, &materials, (&mut motion, &mut past))?;
+    // By the commands once the new one has come in: see `Plant::take`.
+    let mut commands = vec![0.0; plant.commands.len()];
+    commands[..late].copy_from_slice(&gradient[own..]);
+    let old = config.delay / config.substeps;
+    commands[old] += torques[torques.len() - 1];
+    if part > 0 {
+        commands[old + 1] += torques[0];
+    }
+    parameters.truncate(chosen.len());
+    for (by, &i) in parameters.iter_mut().zip(chosen) {
+        if i == at::TORQUE_LIMIT {
+            *by += commands[0] * told.action * config.gain;
+        }
+    }
+    let mut state = vector(config.scheme, &motion, &past);
+    state.extend_from_slice(&commands[1..=late]);
+    let slope = if told.inside { plant.parameters[at::TORQUE_LIMIT] * config.gain } else { 0.0 };
+    Ok(Some(Gradient { state, action: vec![commands[0] * slope], parameters }))
+}

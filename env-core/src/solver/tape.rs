@@ -1,0 +1,129 @@
+//! What a rod did, moment by moment: all that is needed to carry derivatives along the same way, forwards or backwards.
+
+use super::pinned::Pinned;
+use super::{Drive, Part, Stage, System};
+use crate::lane::Mask;
+use crate::rod::Motion;
+use crate::vec2::Vec2;
+
+/// How a moment was come to.
+#[derive(Clone, Copy, Debug)]
+pub enum Move {
+    /// By a Verlet step of this size \[s\].
+    Verlet(f64),
+    /// By a stage of an implicit scheme.
+    Stage {
+        /// The stage.
+        stage: Stage<f64>,
+        /// Whether it is the first of a part.
+        part_begins: bool,
+        /// Whether it is the first of a step.
+        step_begins: bool,
+    },
+}
+
+/// Moments at which forces were taken, in their order. Parts of steps that failed are not among them.
+#[derive(Clone, Debug)]
+pub struct Tape {
+    nodes: usize,
+    moves: Vec<Move>,
+    /// Positions and velocities, moment by moment.
+    x: Vec<Vec2<f64>>,
+    v: Vec<Vec2<f64>>,
+    /// Where the step and its part begin.
+    step: usize,
+    part: usize,
+}
+
+impl Tape {
+    /// An empty one for rods of `nodes` nodes.
+    pub fn new(nodes: usize) -> Self {
+        Tape { nodes, moves: vec![], x: vec![], v: vec![], step: 0, part: 0 }
+    }
+
+    /// How the moments were come to.
+    pub fn moves(&self) -> &[Move] {
+        &self.moves
+    }
+
+    /// Positions and velocities at a moment.
+    pub fn moment(&self, at: usize) -> (&[Vec2<f64>], &[Vec2<f64>]) {
+        let nodes = at * self.nodes..(at + 1) * self.nodes;
+        (&self.x[nodes.clone()], &self.v[nodes])
+    }
+
+    /// Forgets all, but keeps the memory.
+    pub fn clear(&mut self) {
+        self.cut(0);
+        self.begin_step();
+    }
+
+    /// Adds a moment.
+    pub(super) fn push(&mut self, way: Move, x: &[Vec2<f64>], v: impl Iterator<Item = Vec2<f64>>) {
+        self.moves.push(way);
+        self.x.extend_from_slice(x);
+        self.v.extend(v);
+    }
+
+    /// Forgets what came after the first `count` moments.
+    pub(super) fn cut(&mut self, count: usize) {
+        self.moves.truncate(count);
+        self.x.truncate(count * self.nodes);
+        self.v.truncate(count * self.nodes);
+    }
+
+    /// A step begins.
+    pub(super) fn begin_step(&mut self) {
+        (self.step, self.part) = (self.moves.len(), self.moves.len());
+    }
+}
+
+/// A rod of which every stage is written down.
+pub(super) struct Recorded<'a, D> {
+    pub system: Pinned<'a, f64, D>,
+    pub tape: &'a mut Tape,
+}
+
+impl<D: Drive<f64>> System<f64> for Recorded<'_, D> {
+    type State = Motion<f64>;
+
+    #[inline(always)]
+    fn state(&mut self) -> &mut Motion<f64> {
+        self.system.state()
+    }
+    #[inline(always)]
+    fn predict(
+        &mut self,
+        stage: &Stage<f64>,
+        start: &Motion<f64>,
+        before: &Motion<f64>,
+        origin: &mut Motion<f64>,
+    ) {
+        self.system.predict(stage, start, before, origin);
+    }
+    #[inline(always)]
+    fn correct(&mut self, stage: &Stage<f64>, origin: &Motion<f64>, active: bool) -> (f64, bool) {
+        self.system.correct(stage, origin, active)
+    }
+    #[inline(always)]
+    fn tolerance(&self) -> f64 {
+        self.system.tolerance()
+    }
+    #[inline(always)]
+    fn complete(&mut self, stage: &Stage<f64>, origin: &Motion<f64>) -> bool {
+        let Tape { moves, step, part, .. } = &*self.tape;
+        let (part_begins, step_begins) = (moves.len() == *part, moves.len() == *step);
+        let Motion { x, v, .. } = &*self.system.motion;
+        let way = Move::Stage { stage: *stage, part_begins, step_begins };
+        self.tape.push(way, x, v.iter().copied());
+        self.system.complete(stage, origin)
+    }
+    #[inline(always)]
+    fn accept(&mut self, part: &Part<bool>) {
+        if part.lanes.all() {
+            self.tape.part = self.tape.moves.len();
+        } else {
+            self.tape.cut(self.tape.part);
+        }
+    }
+}
