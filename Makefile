@@ -122,6 +122,7 @@ controllers: extension ## long: every claim of the controllers on 100 seeds, wri
 .PHONY: lab
 lab: extension ## long: fits of 1300 synthetic films, writes docs/lab-proofs.md; goes on where it was stopped
 	OMP_NUM_THREADS=1 $(BIN)/python tests/long/lab.py
+
 .PHONY: unknown-rods
 unknown-rods: extension ## long: output feedback of rods that it must learn, writes docs/unknown-rods.md
 	$(BIN)/python tests/long/unknown_rods.py
