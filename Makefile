@@ -119,6 +119,10 @@ soak-pendulum: ## long: a million random torques on ordinary rods, and on soft a
 controllers: extension ## long: every claim of the controllers on 100 seeds, writes docs/controllers.md
 	$(BIN)/python tests/long/controllers.py
 
+.PHONY: lab
+lab: extension ## long: fits of 1300 synthetic films, writes docs/lab-proofs.md; goes on where it was stopped
+	OMP_NUM_THREADS=1 $(BIN)/python tests/long/lab.py
+
 .PHONY: unknown-rods
 unknown-rods: extension ## long: output feedback of rods that it must learn, writes docs/unknown-rods.md
 	$(BIN)/python tests/long/unknown_rods.py

@@ -9,6 +9,7 @@ from typing import Any
 from rodgym._literal import literal
 from rodgym.evaluation.bands import BANDS
 from rodgym.evaluation.conditions import CHOSEN
+from rodgym.extras import missing
 
 DEFAULT_ENV = "rodgym/PendulumSwingUp-v0"
 MAX_SEEDS = 100_000
@@ -93,6 +94,32 @@ def env_keywords(env: str, given: Mapping[str, Any] | Sequence[tuple[str, Any]])
     return keywords
 
 
+def rod_file(path: str) -> list[tuple[str, Any]]:
+    """The keywords that a fitted rod gives an environment."""
+    if said := missing(["yaml"]):
+        raise argparse.ArgumentTypeError(said)
+    from rodgym.lab import RecordingError
+    from rodgym.lab.twin import keywords
+
+    try:
+        return list(keywords(path).items())
+    except RecordingError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+
+
+class Rod(argparse.Action):
+    """Puts a rod's keywords before those of ``--env-arg``, whatever the order on the line."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: Any,
+        option_string: str | None = None,
+    ) -> None:
+        namespace.env_arg = [*values, *namespace.env_arg]
+
+
 def seed(text: str) -> int:
     """A seed of the learning libraries."""
     try:
@@ -157,6 +184,14 @@ def add_env(parser: argparse.ArgumentParser, default: str | None = DEFAULT_ENV) 
         metavar="NAME=VALUE",
         help="keyword of the environment, such as width=0.0081 or "
         "\"randomize={'width': (0.006, 0.009)}\"; may be repeated",
+    )
+    parser.add_argument(
+        "--rod",
+        type=rod_file,
+        action=Rod,
+        metavar="FILE",
+        help="rod.yml of 'rodgym fit': the environment gets that rod, episodes draw it from its "
+        "intervals; --env-arg comes on top",
     )
 
 

@@ -13,6 +13,7 @@ from rodgym.lab.errors import (
 from rodgym.lab.fitting import fit
 from rodgym.lab.result import Fit, Holdout, Interval
 from rodgym.lab.tracks import Tracks, read_tracks
+from rodgym.lab.twin import keywords
 
 __all__ = [
     "AxisError",
@@ -28,5 +29,6 @@ __all__ = [
     "Tracks",
     "UnitsError",
     "fit",
+    "keywords",
     "read_tracks",
 ]

@@ -6,6 +6,7 @@ film is fitted with more and more nodes, and the parameters are those of infinit
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
@@ -30,7 +31,7 @@ STIFFER = 6.0
 #: Physics steps in a period of the slowest bending: of pieces, and of the whole film.
 ROUGH, FINE = 60, 200
 #: Pieces are fitted from these multiples of the start's E, for so many rounds; the best goes on.
-TRIALS, ROUNDS = (1 / 8, 1 / 2, 2.0, 8.0), 4
+TRIALS, ROUNDS = (1 / 8, 1 / 4, 1 / 2, 1.0, 2.0, 4.0, 8.0), 4
 #: Trials whose residuals are within this factor of the best may be right, too; they differ where
 #: their E does by more than this factor. (A film does not tell 4 Hz at once from 26 Hz at 30 Hz.)
 NEAR, DIFFERENT, AT_MOST = 2.0, 1.3, 2
@@ -44,6 +45,8 @@ START = {"damping": 1e-3, "bending_damping": 5e-4}
 VAGUE = float(np.log(2.0)) / 1.96
 #: Residuals of the whole over those of pieces: beyond, the model is doubted, or refused.
 DOUBTFUL, WRONG = 1.25, 2.5
+#: Refused is also what leaves this much over and does not foretell its own film.
+HALF_WRONG = 1.4
 #: Share of the film that is fitted to foretell the rest.
 SEEN = 2 / 3
 #: Residuals that no camera goes below, over the length.
@@ -173,7 +176,7 @@ class Fitter:
         """All steps."""
         smooth = discrete is None
         coarse, nodes_of_whole = (COARSE, NODES) if smooth else (discrete, (discrete,))
-        levels, x, noise = self.whole(int(coarse or 0), int(nodes_of_whole[0] or 0), smooth)
+        levels, rough, noise = self.whole(int(coarse or 0), int(nodes_of_whole[0] or 0), smooth)
         if smooth:
             levels = self.refined(levels)
             logs = extrapolated(*(level.x[: len(self.free)] for _, level in levels[-2:]))
@@ -181,21 +184,22 @@ class Fitter:
             logs = levels[0][1].x[: len(self.free)]
         film, found = levels[-1]
         misfit = float(found.sigma / noise)
-        if misfit > WRONG:
+        holdout = self.holdout(*levels[0])
+        if misfit > WRONG or (misfit > HALF_WRONG and not holdout.passed):
             raise MisfitError(
                 f"no {' and '.join(self.free)} makes the rod move like the film: the whole is off "
                 f"by {1e3 * found.sigma:.2f} mm where short pieces are by {1e3 * noise:.2f} mm. A "
                 "known value may be wrong (length, width, gravity), or the clock (frames a "
-                "second), or the base does not turn freely"
+                "second), or the base does not turn freely, or the fit began too far off (--start)"
             )
         twin = None
         if discrete is None:
             own = self.solved(
-                self.film(nodes, False, FINE), self.moved(x, COARSE, nodes), final=False
+                self.film(nodes, False, FINE), self.moved(rough.x, COARSE, nodes), final=False
             )
             twin = Level(nodes, self._named(own.x), own.sigma)
         covariance = found.covariance[: len(self.free), : len(self.free)]
-        vague = self.vague(covariance, levels[0])
+        vague = self.vague(covariance, self.film(int(coarse or 0), smooth, ROUGH), rough)
         notes = [*self.tracks.notes]
         if misfit > DOUBTFUL:
             notes.append(
@@ -215,7 +219,7 @@ class Fitter:
             together=self.together(logs, covariance, vague),
             levels=[Level(f.rod.nodes, self._named(e.x), e.sigma) for f, e in levels],
             twin=twin,
-            holdout=self.holdout(levels[0][0], levels[0][1]),
+            holdout=holdout,
             noise=noise,
             misfit=misfit,
             notes=notes,
@@ -228,43 +232,50 @@ class Fitter:
 
     def whole(
         self, coarse: int, nodes: int, smooth: bool
-    ) -> tuple[list[tuple[Film, Estimate]], Array, float]:
-        """The whole film fitted with `nodes`, the unknowns of the coarse model, and the deviation
+    ) -> tuple[list[tuple[Film, Estimate]], Estimate, float]:
+        """The whole film fitted with `nodes`, the same with the coarse model, and the deviation
         within pieces: of all starts that pieces leave the one that suits the whole best.
         """
-        starts = self.starts(coarse, smooth)
-        noise = min(start[2] for start in starts)
-        grown = [self.grown(coarse, smooth, x, at) for x, at, _ in starts]
+        starts, at = self.starts(coarse, smooth)
+        grown = [self.grown(coarse, smooth, start.x, at) for start in starts]
         best = min(estimate.sigma for estimate in grown)
         film, found = self.film(nodes, smooth, FINE), []
         for rough in grown:
             if rough.sigma < NEAR * best:
                 estimate = self.solved(film, self.moved(rough.x, coarse, nodes))
-                found.append((estimate.sigma, estimate, rough.x))
-        _, estimate, x = min(found, key=lambda one: one[0])
-        return [(film, estimate)], x, noise
+                found.append((estimate.sigma, estimate, rough))
+        _, estimate, rough = min(found, key=lambda one: one[0])
+        # (Every piece has a start of its own, which takes some of the noise away.)
+        taken = 1 - len(starts[0].x) / len(starts[0].residuals)
+        noise = starts[0].sigma / float(np.sqrt(max(taken, 0.1)))
+        return [(film, estimate)], rough, noise
 
-    def starts(self, nodes: int, smooth: bool) -> list[tuple[Array, tuple[Array, Array], float]]:
-        """Fits of the shortest pieces that may be right: their unknowns, coefficients of every
-        frame, deviation.
+    def starts(self, nodes: int, smooth: bool) -> tuple[list[Estimate], tuple[Array, Array]]:
+        """Fits of the shortest pieces that may be right, the best first, and the coefficients of
+        every frame that they began with.
+
+        Many trials go a few rounds, the better ones a few more, and the best to the end.
         """
         at = shapes.guess(self.tracks, self.places)
         film = self.film(nodes, smooth, ROUGH, self.cut(0))
         base = np.nanmedian(self.tracks.points[:, 0], axis=0)
         x = film.start(np.array(self.values), np.array([0.0, 0.0, *base]), at)
-        trials = [self.solved(film, start, rounds=ROUNDS, final=False) for start in self.tried(x)]
-        best = min(trials, key=lambda trial: trial.sigma).sigma
-        chosen: list[tuple[Array, tuple[Array, Array], float]] = []
-        for trial in sorted(trials, key=lambda trial: trial.sigma):
-            if trial.sigma > NEAR * best or len(chosen) == AT_MOST:
-                break
-            if any(self.alike(trial.x, other) for other, *_ in chosen):
-                continue
-            found = self.solved(film, trial.x, final=False)
-            # (Every piece has a start of its own, which takes some of the noise away.)
-            taken = 1 - len(x) / len(found.residuals)
-            chosen.append((found.x, at, found.sigma / float(np.sqrt(max(taken, 0.1)))))
-        return chosen
+        trials = list[Estimate]()
+        for start in self.tried(x):
+            # What one start cannot be simulated from, another may.
+            with contextlib.suppress(MisfitError):
+                trials.append(self.solved(film, start, rounds=ROUNDS, final=False))
+        if not trials:
+            raise MisfitError("no rod near the start of the fit can be simulated (--start)")
+        for rounds in (ROUNDS, 30):
+            chosen = list[Estimate]()
+            trials.sort(key=lambda trial: trial.sigma)
+            for trial in trials:
+                new = not any(self.alike(trial.x, other.x) for other in chosen)
+                if new and len(chosen) < AT_MOST and trial.sigma < NEAR * trials[0].sigma:
+                    chosen.append(trial)
+            trials = [self.solved(film, one.x, rounds=rounds, final=False) for one in chosen]
+        return sorted(trials, key=lambda trial: trial.sigma), at
 
     def tried(self, x: Array) -> list[Array]:
         """Starts with several values of E."""
@@ -343,10 +354,10 @@ class Fitter:
         model = film.residuals if slopes is None else lambda x: (film.gaps(x), slopes)
         return solve(model, x, prior, bounds, film.strides(), self.floor, rounds, final)
 
-    def vague(self, covariance: Array, whole: tuple[Film, Estimate]) -> dict[str, str]:
+    def vague(self, covariance: Array, film: Film, rough: Estimate) -> dict[str, str]:
         """Parameters that the film does not tell, with what would."""
         deviations = np.sqrt(np.diag(covariance))
-        bends = self.bends(*whole)
+        bends = self.bends(film, rough)
         return {
             name: ADVICE[name]
             for name, deviation in zip(self.free, deviations, strict=True)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from rodgym.lab.errors import MisfitError
 from rodgym.lab.tracks import Array
 
 #: Residuals beyond this many deviations count linearly (Huber).
@@ -79,7 +80,7 @@ def solve(
     """
     residuals, slopes = model(x)
     if not np.isfinite(residuals).all():
-        raise ArithmeticError("the start of the fit cannot be simulated")
+        raise MisfitError("the rod that the fit starts from cannot be simulated (--start)")
     damping, iterations, converged = DAMPING, 0, False
     for outliers in (False, True) if final else (False,):
         damping, converged = DAMPING, False

@@ -55,7 +55,8 @@ def checked(tracks: Tracks, places: Array) -> Tracks:
             f"the tip is {1e3 * height:.0f} mm above the base on average: y seems to point "
             "downwards, as in pixels (--y down turns it)"
         )
-    return untangled(tracks, places, scale)
+    notes = (*tracks.notes, *losses(tracks.times, tracks.points))
+    return untangled(Tracks(tracks.times, tracks.points, notes), places, scale)
 
 
 def _scale(points: Array, places: Array) -> float:
@@ -106,3 +107,14 @@ def untangled(tracks: Tracks, places: Array, scale: float = 1.0) -> Tracks:
             swapped[i + 1, j + 1] = swapped.get((i + 1, j + 1), 0) + 1
     notes = [f"markers {i} and {j} swapped back in {n} frames" for (i, j), n in swapped.items()]
     return Tracks(tracks.times, points, (*tracks.notes, *notes))
+
+
+def losses(times: Array, points: Array) -> list[str]:
+    """Frames that are missing and markers that were lost, in words."""
+    steps = np.rint(np.diff(times) / np.median(np.diff(times)))
+    notes = []
+    if missing := int((steps - 1).clip(0).sum()):
+        notes.append(f"{missing} frames are missing in {int((steps > 1).sum())} gaps")
+    if lost := int(np.isnan(points).any(axis=2).sum()):
+        notes.append(f"{lost} of {points.shape[0] * points.shape[1]} marker positions were lost")
+    return notes

@@ -97,7 +97,7 @@ def read_tracks(
     )
     if y == "down":
         points = points * [1.0, -1.0]
-    return Tracks(times, points, tuple(_notes(times, points)))
+    return Tracks(times, points)
 
 
 def _markers(name: str, first: list[str]) -> int:
@@ -132,14 +132,3 @@ def _numbers(name: str, line: int, row: list[str], names: list[str]) -> list[flo
             raise CellError(f"{name}, line {line}, column {column}: {cell!r} is not finite")
         numbers.append(number)
     return numbers
-
-
-def _notes(times: Array, points: Array) -> list[str]:
-    """Frames that are missing and markers that were lost, in words."""
-    steps = np.rint(np.diff(times) / np.median(np.diff(times)))
-    notes = []
-    if missing := int((steps - 1).clip(0).sum()):
-        notes.append(f"{missing} frames are missing in {int((steps > 1).sum())} gaps")
-    if lost := int(np.isnan(points).any(axis=2).sum()):
-        notes.append(f"{lost} of {points.shape[0] * points.shape[1]} marker positions were lost")
-    return notes
