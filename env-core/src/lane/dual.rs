@@ -52,6 +52,7 @@ impl Sub for Dual {
         Dual { value: self.value - o.value, slopes: from_fn(|k| self.slopes[k] - o.slopes[k]) }
     }
 }
+#[expect(clippy::suspicious_arithmetic_impl, reason = "the rule of the product")]
 impl Mul for Dual {
     type Output = Self;
     #[inline(always)]
@@ -60,6 +61,7 @@ impl Mul for Dual {
         Dual { value: self.value * o.value, slopes: from_fn(slope) }
     }
 }
+#[expect(clippy::suspicious_arithmetic_impl, reason = "the rule of the quotient")]
 impl Div for Dual {
     type Output = Self;
     #[inline(always)]

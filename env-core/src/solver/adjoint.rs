@@ -199,10 +199,10 @@ impl<'a, R: Real> Pull<'a, R> {
     ) {
         let nodes = self.force.len();
         let rate = stage.rate;
-        if let Origin::Slopes { from, .. } = stage.origin {
-            if !stage.last {
-                self.forget(from.len());
-            }
+        if let Origin::Slopes { from, .. } = stage.origin
+            && !stage.last
+        {
+            self.forget(from.len());
         }
         let Motion { x, v, a, .. } = &mut *self.state;
         let [x0, v0] = &mut self.origin;

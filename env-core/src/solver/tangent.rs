@@ -279,10 +279,10 @@ impl<R: Real> Flow<R> {
             self.v[i] = self.origin[1][i] + self.a[i].scale(h);
             self.x[i] = self.origin[0][i] + self.v[i].scale(h);
         }
-        if let Origin::Slopes { from, .. } = stage.origin {
-            if !stage.last {
-                self.keep(from.len());
-            }
+        if let Origin::Slopes { from, .. } = stage.origin
+            && !stage.last
+        {
+            self.keep(from.len());
         }
     }
 
