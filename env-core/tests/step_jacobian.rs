@@ -69,7 +69,7 @@ fn on_their_way(config: &Config) -> usize {
 }
 
 /// A number of the state vector, to be changed.
-fn number<'a>(plant: &'a mut Plant<f64>, j: usize) -> &'a mut f64 {
+fn number(plant: &mut Plant<f64>, j: usize) -> &mut f64 {
     let nodes = plant.motion.x.len() - 1;
     let (list, rest) = (j / (2 * nodes), j % (2 * nodes));
     let list = match list {

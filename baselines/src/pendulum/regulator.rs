@@ -131,7 +131,7 @@ impl Regulator {
     }
 
     /// Coordinates and rates measured from the nearest way up, padded: whole turns of the base are taken off.
-    fn from_up(&self, state: &[f64]) -> [f64; 2 * MAX_COORDINATES] {
+    fn measured_from_up(&self, state: &[f64]) -> [f64; 2 * MAX_COORDINATES] {
         let base = self.chain.base(&state[..self.chain.coordinates()]);
         let turns = libm::round((base - PI) / (2.0 * PI));
         let mut z = [0.0; 2 * MAX_COORDINATES];
@@ -157,7 +157,7 @@ impl Regulator {
     /// Torque \[N m\] at a state (coordinates, rates), called once a control period; `clock` is the
     /// law's memory: for how long \[s\] the rod has been out of reach.
     pub fn torque(&self, state: &[f64], clock: &mut f64) -> f64 {
-        let z = self.from_up(state);
+        let z = self.measured_from_up(state);
         if self.cost(&z) < self.catch {
             *clock = self.start();
         } else if *clock < self.patience {

@@ -340,15 +340,15 @@ impl<R: Real> Rods<R> {
 fn solve<R: Real>(m: &[Coordinates<R>; ORDER], f: &mut Coordinates<R>) {
     for i in 0..ORDER {
         for c in 0..i {
-            f[i] = f[i] - m[i][c] * f[c];
+            f[i] -= m[i][c] * f[c];
         }
-        f[i] = f[i] * m[i][i];
+        f[i] *= m[i][i];
     }
     for i in (0..ORDER).rev() {
         for c in i + 1..ORDER {
-            f[i] = f[i] - m[c][i] * f[c];
+            f[i] -= m[c][i] * f[c];
         }
-        f[i] = f[i] * m[i][i];
+        f[i] *= m[i][i];
     }
 }
 

@@ -105,7 +105,7 @@ def record(benches: Sequence[Bench], seeds: Sequence[int]) -> list[Tracks]:
     films = []
     for bench, wait, seed, nodes_seen in zip(benches, waits, seeds, positions, strict=True):
         places = np.linspace(0.0, 1.0, bench.markers)
-        marks = shapes.marks(places, nodes, smooth="nodes" not in bench.rod)
+        marks = shapes.marks(places, nodes, smooth=bench.rod.get("nodes") is None)
         chosen = np.searchsorted(needed, wait + every * np.arange(frames))
         films.append(filmed(np.einsum("mn,fni->fmi", marks, nodes_seen[chosen]), bench, seed))
     return films
