@@ -83,6 +83,14 @@ pub fn bytes<'a>(value: &'a Bound<'_, PyAny>) -> PyResult<&'a [u8]> {
     bytes.map_err(|_| to_py(Error::parameter("state", repr(value), allowed)))
 }
 
+/// Names of parameters: a list or tuple of texts.
+pub fn names(value: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
+    let text = value.is_instance_of::<PyString>();
+    value.extract().ok().filter(|_| !text).ok_or_else(|| {
+        to_py(Error::parameter("parameters", repr(value), "a list of names of parameters"))
+    })
+}
+
 /// Rows of numbers, whatever their lengths.
 pub fn rows(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<Vec<f64>>> {
     let sequence = || to_py(Error::parameter(name, repr(value), "a sequence of lists of numbers"));

@@ -3,7 +3,7 @@
 //! Every call makes its result arrays, hands their memory to Rust, and releases the GIL while Rust fills
 //! them. Nothing is copied afterwards, nothing is shared between calls.
 
-use crate::arguments::{Actions, bytes, count, read_options, read_seeds, repr};
+use crate::arguments::{Actions, bytes, count, names, read_options, read_seeds, repr};
 use crate::arrays::{self, writable};
 use crate::convert::{points, serialize, to_map};
 use crate::errors::{OrRaise, raise, to_py};
@@ -331,8 +331,9 @@ impl Batch {
         py: Python<'py>,
         index: usize,
         action: &Bound<'py, PyAny>,
-        parameters: Vec<String>,
+        parameters: &Bound<'py, PyAny>,
     ) -> PyResult<Bound<'py, PyDict>> {
+        let parameters = names(parameters)?;
         let given = Actions::read(action, &[self.spec.action.size()])?;
         let mut action = vec![0.0; self.spec.action.size()];
         given.copy_to(&mut action);
@@ -348,9 +349,11 @@ impl Batch {
         py: Python<'py>,
         index: usize,
         actions: &Bound<'py, PyAny>,
-        parameters: Vec<String>,
+        parameters: &Bound<'py, PyAny>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let steps = actions.len()?;
+        let parameters = names(parameters)?;
+        // (What has no length has another shape than any that is right.)
+        let steps = actions.len().unwrap_or(0);
         let given = Actions::read(actions, &[steps, self.spec.action.size()])?;
         let mut actions = vec![0.0; steps * self.spec.action.size()];
         given.copy_to(&mut actions);

@@ -1,6 +1,6 @@
 //! The bare machines, one at a time: `rodgym.sim`. One class for all of them.
 
-use crate::arguments::{repr, rows};
+use crate::arguments::{names, repr, rows};
 use crate::arrays;
 use crate::convert::{points, to_map, to_python};
 use crate::errors::{OrRaise, to_py};
@@ -116,8 +116,9 @@ impl Simulation {
         py: Python<'py>,
         input: f64,
         n: u64,
-        parameters: Vec<String>,
+        parameters: &Bound<'py, PyAny>,
     ) -> PyResult<Bound<'py, PyDict>> {
+        let parameters = names(parameters)?;
         let machine = self.lock(py)?.copy();
         // (Few steps are not worth a thread that looks out for Ctrl-C.)
         if n <= AT_ONCE {

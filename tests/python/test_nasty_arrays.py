@@ -97,6 +97,8 @@ def fresh() -> dict[str, Callable[[Any], Any]]:
     bare = _native.Simulation("pendulum", {"nodes": 2})
     fin = _native.Simulation("fin", {})
     lqr = _native.Controller("lqr", batch.spec)
+    base = _native.Batch("rodgym/PendulumSwingUpBase-v0", 1)
+    learner = _native.Controller("lqg-adaptive", base.spec)
     seen, known = np.zeros((2, 18), np.float32), np.zeros((2, lqr.state_size))
     still, flags = np.zeros((2, 1), np.float32), np.ones(2, dtype=bool)
     scene, gallery = batch.scene(0), _native.Gallery()
@@ -135,6 +137,9 @@ def fresh() -> dict[str, Callable[[Any], Any]]:
         "Batch.reset_single options": lambda x: single.reset_single(0, x),
         "Batch.configure parameters": lambda x: batch.configure(0, 2, {"width": x}, {}),
         "Batch.configure randomize": lambda x: batch.configure(0, 2, {}, {"width": x}),
+        "Batch.step_jacobian action": lambda x: single.step_jacobian(0, x, []),
+        "Batch.step_jacobian parameters": lambda x: single.step_jacobian(0, [0.0], x),
+        "Batch.rollout_gradient actions": lambda x: single.rollout_gradient(0, x, []),
         "Batch.set_state state": lambda x: batch.set_state(0, x),
         "Batch.__setstate__ states": batch.__setstate__,
         "Batch.__setstate__ state": lambda x: batch.__setstate__([x]),
@@ -150,6 +155,8 @@ def fresh() -> dict[str, Callable[[Any], Any]]:
         "Simulation profile": lambda x: _native.Simulation("fin", {"stiffness_profile": x}),
         "Simulation.set_state both": lambda x: bare.set_state(x, x),
         "Simulation.set_state velocities": lambda x: bare.set_state(EYE * 0.0, x),
+        "Simulation.set_vector x": bare.set_vector,
+        "Simulation.jacobian parameters": lambda x: bare.jacobian(0.0, 1, x),
         "Simulation.ask linearize": lambda x: bare.ask("linearize", x),
         "Simulation.ask torque": lambda x: bare.ask("linearize", [x]),
         "Simulation.act set_angles": lambda x: bare.act("set_angles", x),
@@ -162,6 +169,7 @@ def fresh() -> dict[str, Callable[[Any], Any]]:
         "Controller.predict observation": lambda x: lqr.predict(x, known, flags),
         "Controller.predict state": lambda x: lqr.predict(seen, x, flags),
         "Controller.predict episode_start": lambda x: lqr.predict(seen, known, x),
+        "Controller.estimate state": learner.estimate,
         "info_list terms": lambda x: _native.info_list(["a"], ["b"], x, OWN, flags, flags),
         "info_list limit": lambda x: _native.info_list(["a"], ["b"], EYE, OWN, x, flags),
         "info_list failed": lambda x: _native.info_list(["a"], ["b"], EYE, OWN, flags, x),

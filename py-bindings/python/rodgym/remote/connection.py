@@ -236,7 +236,7 @@ class Connection:
             if self._stopped:
                 raise RemoteError("this environment was closed", "closed")
             try:
-                reply = unpack(socket.recv_multipart(copy=False))
+                reply = unpack(socket.recv_multipart())
             except zmq.Again:
                 if self._read_events(wire):
                     return None

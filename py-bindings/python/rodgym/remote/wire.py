@@ -34,7 +34,7 @@ class Reply(NamedTuple):
     #: Changes when the server restarts.
     epoch: str
     err: dict[str, Any] | None
-    #: Views of the frames.
+    #: Read-only views of the frames.
     arrays: Arrays
     p: dict[str, Any]
 
@@ -75,9 +75,10 @@ _KINDS: tuple[type | tuple[type, ...], ...] = (
 
 
 def own(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """An array to hand over: the frame itself, where its bytes lie as NumPy would lay them."""
-    if array.flags.carray and array.dtype.isnative:
-        return array
+    """An array to hand over: a copy that may be written to, in this machine's order of bytes.
+
+    (A frame of libzmq's own could be handed over without a copy; but freeing one swallows Ctrl-C.)
+    """
     return array.astype(array.dtype.newbyteorder("="))
 
 
