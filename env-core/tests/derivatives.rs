@@ -275,9 +275,7 @@ fn a_vector_is_the_whole_state() {
     }
 }
 
-/// In `cargo test -- --ignored`: many nodes.
 #[test]
-#[ignore = "a minute"]
 fn all_columns_of_many_nodes() {
     for stepper in STEPPERS {
         for (nodes, seed) in [(16, 1), (31, 2)] {
