@@ -1,7 +1,10 @@
 """A short version of `make unknown-rods`: every kind of case is played."""
 
+import gymnasium as gym
+import numpy as np
 import unknown_rods
-from unknown_rods import DOCS, LAWS, Jump, Learned, cases, key_of, page, play_all
+from rodgym import baselines
+from unknown_rods import BASE_ONLY, DOCS, LAWS, Jump, Learned, cases, key_of, page, play_all
 
 
 def first(table, kind=None):
@@ -49,3 +52,16 @@ def test_the_page_is_written_from_what_was_played(monkeypatch):
     done = {key_of(first("line"), "lqg"): {"upright": 3, "seeds": 7}}
     text = page(done, (DOCS / "unknown-rods.md").read_text(encoding="utf-8"))
     assert "| 7 mm, 7 MPa | 3 of 7 |" in text and "times" in text
+
+
+def test_a_late_rod_that_is_believed_wrong_is_still_told_numbers():
+    """The forecast over the motor's delay was flung off, and the action was NaN."""
+    told = {"sensor_noise": {"angle": 1e-3, "rate": 1e-2}, "actuator_delay": 0.01}
+    controller = baselines.make("lqg", gym.make(BASE_ONLY, **told))
+    env = gym.make(BASE_ONLY, **told, randomize={"youngs_modulus": (7e6, 13e6)})
+    observation, _ = env.reset(seed=10065)
+    state = None
+    for _ in range(500):
+        action, state = controller.predict(observation, state)
+        assert np.isfinite(action).all() and np.isfinite(state).all()
+        observation, *_ = env.step(action)

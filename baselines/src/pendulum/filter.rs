@@ -117,17 +117,26 @@ impl<R: Real> Filter<R> {
         belief
     }
 
-    /// Where the estimate is one of a rod: finite, and no coordinate faster than any real one.
+    /// Where the estimate is one of a rod, and the filter sure of something.
     #[inline(always)]
     pub fn sound(&self, belief: &Belief<R>) -> R::Mask {
-        let mut sound = R::Mask::splat(true);
+        let mut sound = self.credible(&belief.mean);
         for i in 0..STATE {
             // (Variances of a filter that has gone wrong are the first to be none.)
             sound = sound.and(belief.covariance[half(i, i)].is_finite());
-            let bound = if i < ORDER { f64::INFINITY } else { FASTEST };
-            sound = sound.and(belief.mean[i].abs().lt(R::splat(bound)));
         }
         sound
+    }
+
+    /// Where a state is one of a rod: finite, and no coordinate faster than any real one.
+    #[inline(always)]
+    fn credible(&self, mean: &State<R>) -> R::Mask {
+        let mut credible = R::Mask::splat(true);
+        for (i, x) in mean.iter().enumerate() {
+            let bound = if i < ORDER { f64::INFINITY } else { FASTEST };
+            credible = credible.and(x.abs().lt(R::splat(bound)));
+        }
+        credible
     }
 
     /// How the believed rods differ from their designs.
@@ -141,7 +150,8 @@ impl<R: Real> Filter<R> {
     }
 
     /// The states when an action that is taken now begins to act: what is on its way acts before, times the
-    /// torque \[N m\] of action 1.
+    /// torque \[N m\] of action 1. Where that is no state of a rod (a belief in a wrong rod may be flung off on the way),
+    /// the state that is believed now.
     #[inline(always)]
     pub fn forecast(
         &self,
@@ -159,6 +169,10 @@ impl<R: Real> Filter<R> {
             for _ in 0..steps {
                 self.rods.step(&mut mean, torque, &feel, time / steps as f64);
             }
+        }
+        let credible = self.credible(&mean);
+        for (x, now) in mean.iter_mut().zip(&belief.mean) {
+            *x = R::select(credible, *x, *now);
         }
         mean
     }
