@@ -6,7 +6,7 @@ SHELL := /bin/bash
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
-EXTRAS := train,tune,data,render,remote,ray,export,dev
+EXTRAS := train,tune,data,lab,render,remote,ray,export,dev
 # Extra arguments of the program: make demo ARGS="--steps 100000"
 ARGS ?=
 

@@ -48,7 +48,8 @@ class RodVectorEnv(Many, Fixed, VectorEnv[Observations, Any, Any]):
         copy: `False` returns the same observation array at every call, overwritten by the next one.
         render_size: width and height of a picture in pixels; `None`: what suits the machine.
         backend: where the batch is computed: in this process, or a `rodgym.remote.Server`.
-        **kwargs: keywords of the environment, see its page.
+        **kwargs: keywords of the environment, see its page, and `rod`: the `rod.yml` of a fitted
+            rod (docs/lab.md), whose keywords it stands for; others come on top.
     """
 
     metadata: dict[str, Any] = {
