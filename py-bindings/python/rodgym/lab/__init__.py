@@ -21,6 +21,7 @@ from rodgym.lab.errors import (
     RecordingError,
     UnitsError,
 )
+from rodgym.lab.fin_in_air import Experiment, FinFit, fit_as_the_thesis, fit_fin
 from rodgym.lab.fitting import fit
 from rodgym.lab.readers import read_tracks
 from rodgym.lab.result import Fit, Holdout, Interval
@@ -35,7 +36,9 @@ __all__ = [
     "CellError",
     "ChoiceError",
     "ClockError",
+    "Experiment",
     "FilmError",
+    "FinFit",
     "Fit",
     "FormatError",
     "FramesError",
@@ -49,6 +52,8 @@ __all__ = [
     "Tracks",
     "UnitsError",
     "fit",
+    "fit_as_the_thesis",
+    "fit_fin",
     "fluid_force",
     "keywords",
     "read_cells",
