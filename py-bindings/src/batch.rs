@@ -362,6 +362,44 @@ impl Batch {
         named(py, py.detach(move || env.rollout_gradient(index, &actions, &parameters)).or_raise()?)
     }
 
+    /// `step_jacobian` of every environment under its own row of `actions` (n, a), over threads: the same arrays with a
+    /// first axis of n.
+    fn step_jacobians<'py>(
+        &self,
+        py: Python<'py>,
+        actions: &Bound<'py, PyAny>,
+        parameters: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let parameters = names(parameters)?;
+        let mut guard = self.lock(py)?;
+        let env = &mut guard.env;
+        let shape = [env.num_envs(), self.spec.action.size()];
+        let given = Actions::read(actions, &shape)?;
+        let mut actions = vec![0.0; shape.iter().product()];
+        given.copy_to(&mut actions);
+        named(py, py.detach(move || env.step_jacobians(&actions, &parameters)).or_raise()?)
+    }
+
+    /// `rollout_gradient` of every environment for its own `actions` (n, t, a), over threads: the same arrays with a
+    /// first axis of n.
+    fn rollout_gradients<'py>(
+        &self,
+        py: Python<'py>,
+        actions: &Bound<'py, PyAny>,
+        parameters: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let parameters = names(parameters)?;
+        let mut guard = self.lock(py)?;
+        let env = &mut guard.env;
+        // (What has no second axis has another shape than any that is right.)
+        let steps = actions.get_item(0).and_then(|row| row.len()).unwrap_or(0);
+        let shape = [env.num_envs(), steps, self.spec.action.size()];
+        let given = Actions::read(actions, &shape)?;
+        let mut actions = vec![0.0; shape.iter().product()];
+        given.copy_to(&mut actions);
+        named(py, py.detach(move || env.rollout_gradients(&actions, &parameters)).or_raise()?)
+    }
+
     /// An exact copy of what runs in environment `index`: stepping it leaves the environment alone.
     fn simulation(&self, py: Python<'_>, index: usize) -> PyResult<Simulation> {
         Ok(Simulation::of(self.lock(py)?.env.simulation(index).or_raise()?))

@@ -16,7 +16,7 @@ from rodgym._infos import InfoBuilder
 from rodgym._plant import Frame, Member, box, plain
 from rodgym._settings import Fixed, Many
 from rodgym.backend import LOCAL, Backend
-from rodgym.derivatives import RolloutGradient, StepJacobian
+from rodgym.derivatives import RolloutGradient, StepJacobian, names
 from rodgym.errors import ShapeError
 
 if TYPE_CHECKING:
@@ -196,28 +196,26 @@ class RodVectorEnv(Many, Fixed, VectorEnv[Observations, Any, Any]):
         return result.observation, result.reward, result.terminated, result.truncated, infos
 
     def step_jacobian(self, actions: Any, parameters: Sequence[str] = ()) -> StepJacobian:
-        """`step_jacobian` of every member under its own row of `actions` (num_envs, a).
+        """`step_jacobian` of every member under its own row of `actions` (num_envs, a), computed
+        by `num_threads` threads.
 
         Returns:
             The same arrays with a first axis of num_envs.
         """
         rows = checks.actions(actions)
         self._check_rows(rows, rows.ndim == 2)
-        each = zip(self.members, rows, strict=True)
-        found = [member.step_jacobian(row, parameters) for member, row in each]
-        return StepJacobian(*map(np.stack, zip(*found, strict=True)))
+        return StepJacobian(**self._batch.step_jacobians(rows, names(parameters)))
 
     def rollout_gradient(self, actions: Any, parameters: Sequence[str] = ()) -> RolloutGradient:
-        """`rollout_gradient` of every member for its own `actions` (num_envs, t, a).
+        """`rollout_gradient` of every member for its own `actions` (num_envs, t, a), computed by
+        `num_threads` threads.
 
         Returns:
             The same arrays with a first axis of num_envs.
         """
         rows = checks.actions(actions)
         self._check_rows(rows, rows.ndim == 3)
-        each = zip(self.members, rows, strict=True)
-        found = [member.rollout_gradient(row, parameters) for member, row in each]
-        return RolloutGradient(*map(np.stack, zip(*found, strict=True)))
+        return RolloutGradient(**self._batch.rollout_gradients(rows, names(parameters)))
 
     def _check_rows(self, rows: Any, fits: bool) -> None:
         if not fits or len(rows) != self.num_envs:
