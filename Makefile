@@ -162,6 +162,14 @@ unknown-rods: extension ## long: output feedback of rods that it must learn, wri
 scores: extension ## long: trains on several seeds and writes docs/scores.md
 	$(BIN)/python tests/long/scores.py
 
+.PHONY: kept-seeds
+kept-seeds: extension ## long: tests a claim on seeds that nobody looked at, once (tests/data/kept_seeds.json)
+	$(BIN)/python tests/long/kept_seeds.py
+
+.PHONY: benchmark
+benchmark: extension ## long, hours: every learner and controller on every task, writes docs/benchmark.md
+	$(BIN)/python tests/long/benchmark.py
+
 .PHONY: robustness
 robustness: extension ## long: how far off rod, motor and sensors may be; refreshes docs/robustness.md
 	$(BIN)/python tests/long/robustness.py
