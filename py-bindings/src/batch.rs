@@ -61,6 +61,8 @@ struct Inner {
     buffer: StepBuffer,
 }
 
+/// A point (x, y) for each node of each environment.
+type Nodes<'py> = Bound<'py, PyArray3<f64>>;
 /// Observation (d,), reward, terminated, truncated, info.
 type SingleStep<'py> = (Bound<'py, PyArray1<f32>>, f64, bool, bool, Bound<'py, PyDict>);
 
@@ -321,6 +323,22 @@ impl Batch {
     ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         let state = self.lock(py)?.env.nodes(index).or_raise()?;
         Ok((points(py, &state.positions)?, points(py, &state.velocities)?))
+    }
+
+    /// Positions \[m\] and velocities \[m/s\] of the nodes of all environments, each (n, nodes, 2).
+    fn all_nodes<'py>(&self, py: Python<'py>) -> PyResult<(Nodes<'py>, Nodes<'py>)> {
+        let guard = self.lock(py)?;
+        let (mut positions, mut velocities, mut nodes) = (Vec::new(), Vec::new(), 0);
+        for index in 0..self.options.num_envs {
+            let state = guard.env.nodes(index).or_raise()?;
+            nodes = state.positions.len();
+            positions.extend_from_slice(state.positions.as_flattened());
+            velocities.extend_from_slice(state.velocities.as_flattened());
+        }
+        drop(guard);
+        let shape = [self.options.num_envs, nodes, 2];
+        let array = |numbers| PyArray1::from_vec(py, numbers).reshape(shape);
+        Ok((array(positions)?, array(velocities)?))
     }
 
     /// Derivatives of the control step that environment `index` would take under `action`, by name: `A`, `B`, `P` of

@@ -221,6 +221,10 @@ class Plant(Settable, Fixed):
         """The same picture as an SVG document, for figures."""
         return self._batch.svg(self._index, *self._size(width, height))
 
+    def _repr_html_(self) -> str:
+        """The picture, where a notebook shows this environment."""
+        return self.svg(360)
+
     def _size(self, width: int | None, height: int | None) -> tuple[int | None, int | None]:
         usual = self._render_size or (None, None)
         given = [("width", width, usual[0]), ("height", height, usual[1])]

@@ -18,6 +18,7 @@ from rodgym._settings import Fixed, Many
 from rodgym.backend import LOCAL, Backend
 from rodgym.derivatives import RolloutGradient, StepJacobian, names
 from rodgym.errors import ShapeError
+from rodgym.own_task import Reward, backend_of
 
 if TYPE_CHECKING:
     from gymnasium.envs.registration import EnvSpec
@@ -48,7 +49,10 @@ class RodVectorEnv(Many, Fixed, VectorEnv[Observations, Any, Any]):
         copy: `False` returns the same observation array at every call, overwritten by the next one.
         render_size: width and height of a picture in pixels; `None`: what suits the machine.
         backend: where the batch is computed: in this process, or a `rodgym.remote.Server`.
-        **kwargs: keywords of the environment, see its page.
+        reward: a function of one's own that pays, see `rodgym.own_task`; `observation=` may be a
+            function, too.
+        **kwargs: keywords of the environment, see its page, and `rod`: the `rod.yml` of a fitted
+            rod (docs/lab.md), whose keywords it stands for; others come on top.
     """
 
     metadata: dict[str, Any] = {
@@ -69,6 +73,7 @@ class RodVectorEnv(Many, Fixed, VectorEnv[Observations, Any, Any]):
         copy: bool = True,
         render_size: tuple[int, int] | None = None,
         backend: Backend = LOCAL,
+        reward: Reward | None = None,
         **kwargs: Any,
     ) -> None:
         mode = checks.autoreset_mode(autoreset_mode)
@@ -81,7 +86,7 @@ class RodVectorEnv(Many, Fixed, VectorEnv[Observations, Any, Any]):
             num_threads,
             render_mode,
             render_size,
-            backend,
+            backend_of(backend, reward, kwargs),
         )
         about = self._batch.about
         self._infos = InfoBuilder(about)
@@ -248,6 +253,11 @@ class RodVectorEnv(Many, Fixed, VectorEnv[Observations, Any, Any]):
             )
             return None
         return tuple(member.frame() for member in self.members)
+
+    def _repr_html_(self) -> str:
+        """Pictures of the first environments, where a notebook shows this batch."""
+        shown = "".join(member.svg(240) for member in self.members[:4])
+        return f"<div>{shown}<p>{self.num_envs} environments</p></div>"
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
         """Calls the method `name` of each environment (see `members`), or reads the attribute."""

@@ -88,54 +88,8 @@ class FinEnv(RodEnv):
     The bounds are clips far from what a fin can do, so that the terms are linear in between: a
     saturating power term would pay for bursts.
 
-    What was tried to earn without swimming well. Every step of a periodic command of 2 to 17 steps
-    was free, and evolved for a known fin (20 generations of 48); so were the first and the last 15
-    steps around a good sinusoid. Returns of 200 steps, sinusoids beginning at phase 0:
-
-    | fin | best sinusoid to 5 Hz | above 5 Hz | best pattern | of it, period < 0.2 s |
-    |---|---|---|---|---|
-    | Thrust, 8e4 Pa | 29.0 (2.5 Hz) | 0.0 | 30.2 (2.5 Hz) | 0.5 |
-    | Thrust, 2.5e5 Pa | 55.0 (3.25 Hz) | 0.1 | 55.5 (3.1 Hz) | 0.8 |
-    | Thrust, 8e5 Pa | 60.9 (3.5 Hz) | -0.2 | 65.0 (3.6 Hz) | 0.1 |
-    | Thrust, 1.6e6 Pa | 3.0 (3.75 Hz) | -0.2 | 3.2 (3.6 Hz) | -0.6 |
-    | Thrust, 8.11e6 Pa | 1.9 (0.75 Hz) | -0.6 | -0.4 (1.5 Hz) | -0.6 |
-    | Thrust, `thesis=True` | 13.3 (1.25 Hz) | -0.5 | 13.8 (1.5 Hz) | -0.5 |
-    | Efficiency, demand 0.1 N | 87.2 (3.25 Hz) | 11.6 | 98.3 (1.6 Hz) | 11.6 |
-    | Swim | 155.2 (3.25 Hz) | 35.4 | 157.7 (1.5 Hz) | 61.7 |
-    | Swim, `thesis=True` | 36.5 (1.0 Hz) | 0.2 | 37.0 (1.5 Hz) | 1.3 |
-
-    (11.6 is what FinEfficiency gives for no thrust at all, 61.7 the glide of a hull after a
-    single stroke: a pattern that goes on to hold.) So a slow gait with a better waveform can
-    earn a few percent more than a sinusoid, and nothing above 5 Hz earns more than a slow gait
-    or holding still. That holds for every stiffness from 3e4 to 1e7 Pa, in flows from 0 to 0.3
-    m/s, in all three tasks and for the thesis' fin, for sinusoids, patterns of 2 to 4 steps,
-    and random commands without slow parts; the closest is still water at 1.6 MPa, 9.6 at 5.25
-    Hz against 17.9. Chatter on top of a gait is hardly felt (what leaks through may tune the
-    thrust of a gait in FinEfficiency, by 5 at most). Holding still earns nothing, one stroke to
-    any other pitch less than 1 in FinThrust. Other first 15 steps earn 0.9 more in FinThrust,
-    12 in FinSwim (sooner at speed), 13 in FinEfficiency (the smoothed thrust comes sooner to
-    the demand: that is the task); other last 15 steps 0.4, 0.9 and 1.9 (the last stroke is paid
-    by the step after; the hull glides). Kicks of power in one step of eight paid in
-    FinEfficiency while its power term was clipped at -1.5; it no longer is. Fast commands,
-    chatter, holding, the single stroke and the kicks are tests (env-core/tests/fin_env.rs).
-
-    Why a low-pass so steep: the fin's wet bending mode is at 11.8 Hz times the root of E / 8.11
-    MPa, and beating at it pays wherever it is, also where the model of the water is not to be
-    trusted. A bare command (`command_cutoff=None`) of 2 degrees at 11.5 Hz returns 69 at 8.11
-    MPa, where no slow one earns anything. Order four still loses at 2 MPa, whose mode lies at
-    5.9 Hz (52 against 39), order eight in still water (23 against 17 at 1.7 MPa), order ten
-    nowhere.
-
-    In FinThrust, on the 50 seeds 500 to 549 that chose nothing, the best sinusoid (3.1 Hz, 11
-    degrees of command) returns 31.5, the best squared sine 30.8, the best triangle 30.3 (the best
-    sinusoid in hindsight, on a fine grid over these very seeds: 32.3), PPO (recipe and policy in
-    `rodgym/zoo`, 1.5e6 steps in 14 minutes on two busy cores) 35.9, 14 % more, and SAC (recipe in
-    `rodgym/zoo`, 60 000 steps in 3.5 minutes) 37.1, 18 % more. Other seeds give other margins: on
-    2000 to 2049 PPO returns 34.0, SAC 32.5, the sinusoid 25.2. PPO feels the stiffness: it beats at
-    2.2 Hz with the softest quarter of the fins (24.0 against 16.6) and with 3.1 Hz where the
-    sinusoid fits (60.1 against 61.0), and wastes less power on the stiffest fins (23.3 against 13.7
-    in the stiffest quarter). Its efficiency is 23.9 % against 26.0 %, over all episodes. `rodgym
-    compare --env rodgym/FinThrust-v0 --policy zoo --controller gait-sine --seeds 500:550` shows it.
+    What was tried to earn without swimming well, why the low-pass is so steep, and what learned
+    policies return beside sinusoids is in docs/records/fin-rewards.md.
 
     Further numbers in `info` at each step: `thrust`, `mount_thrust`, `shed_thrust` [N],
     `torque` [N m], `power` [W] (means over the step), `pitch` [rad], `efficiency` (Froude:
