@@ -8,6 +8,7 @@ pub use crate::scene::{NodeState, Scene};
 pub use crate::settings::Settings;
 pub use crate::spec::{Space, Spec};
 
+use crate::batch::Rehearsal;
 use crate::error::Result;
 use crate::simulation::{Named, Simulation, no_derivatives};
 use std::any::Any;
@@ -118,6 +119,13 @@ pub trait VectorEnv: Send {
         _actions: &[f32],
         _parameters: &[String],
     ) -> Result<Vec<Named>> {
+        Err(no_derivatives(self.spec().machine))
+    }
+    /// A copy of environment `index` to try actions on, which leaves the environment alone.
+    ///
+    /// # Errors
+    /// An environment that was never reset, a machine without derivatives.
+    fn rehearsal(&self, _index: usize) -> Result<Box<dyn Rehearsal>> {
         Err(no_derivatives(self.spec().machine))
     }
     /// An exact copy of what runs in environment `index`: stepping it leaves the environment alone, and the next
