@@ -7,7 +7,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 # What the tests need, and what a demonstration does: .venv grows when it is asked for more.
-EXTRAS := train,tune,data,render,remote,ray,export,dev
+EXTRAS := train,tune,data,lab,render,remote,ray,export,dev
 demo: EXTRAS := train
 # Extra arguments of the program: make demo ARGS="--steps 100000"
 ARGS ?=

@@ -358,6 +358,7 @@ impl<M: Machine, R: Real> VectorEnv for Batch<M, R> {
         for (k, index) in range.clone().enumerate() {
             let mut draws = self.draws_of(index).to_vec();
             changes.make(k, &mut draws);
+            Draw::check_together(&draws, machine.parameter_table())?;
             // Neighbours are often alike.
             changed.push(match changed.last() {
                 Some(Some(last)) if **last == *draws => Some(last.clone()),

@@ -110,10 +110,9 @@ impl<R: Real> Plant<R> {
     ) {
         // Nothing has been measured yet.
         self.visit_mut(&mut |x| x.set(lane, 0.0));
-        let parameters = values(|i| {
-            let drawn = draws[i].draw(stream);
-            start.parameters.get(i).copied().flatten().unwrap_or(drawn)
-        });
+        let drawn = Draw::all(draws, stream);
+        let exact = |i: usize| start.parameters.get(i).copied().flatten();
+        let parameters = values(|i| exact(i).unwrap_or(drawn[i]));
         let mut pitch = stream.uniform(config.start_pitch.0, config.start_pitch.1);
         let demand = stream.uniform(config.demand.0, config.demand.1);
         self.body.begin(lane, &parameters, pitch);

@@ -51,7 +51,8 @@ class RodVectorEnv(Many, Fixed, VectorEnv[Observations, Any, Any]):
         backend: where the batch is computed: in this process, or a `rodgym.remote.Server`.
         reward: a function of one's own that pays, see `rodgym.own_task`; `observation=` may be a
             function, too.
-        **kwargs: keywords of the environment, see its page.
+        **kwargs: keywords of the environment, see its page, and `rod`: the `rod.yml` of a fitted
+            rod (docs/lab.md), whose keywords it stands for; others come on top.
     """
 
     metadata: dict[str, Any] = {
