@@ -63,6 +63,9 @@ PLAY = ("--seeds", "2", *SHORT, "--runs")
 #: None: it needs none at all.
 COMMANDS: list[tuple[str, list[str], set[str] | None]] = [
     ("list", ["list"], None),
+    ("list of one", ["list", "PendulumSwingUp"], None),
+    ("doctor", ["doctor"], None),
+    ("completion", ["completion", "bash"], None),
     ("evaluate", ["evaluate", "lqr", *PLAY, "evaluate"], None),
     ("steps", ["evaluate", "lqr", "--trajectories", "parquet", *PLAY, "steps"], {"data", "lab"}),
     ("evaluate-zoo", ["evaluate", "zoo", *PLAY, "evaluate-zoo"], {"train"}),

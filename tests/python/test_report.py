@@ -74,7 +74,7 @@ def test_every_reward_in_a_report_has_the_terms_of_the_core(env_id):
 
 def test_policies_keep_their_colours_in_a_gif(tmp_path):
     from PIL import Image, ImageColor
-    from rodgym.report import animation
+    from rodgym.report.gif import write_gif
     from rodgym.report.style import COLOURS
 
     # A wide sky of shades, as the pictures of a fin have.
@@ -86,7 +86,7 @@ def test_policies_keep_their_colours_in_a_gif(tmp_path):
         for i, colour in enumerate(COLOURS):
             picture.paste(colour, (10 * i, 0, 10 * i + 3, 3))
         pictures.append(picture)
-    animation.write_gif(tmp_path / "x.gif", pictures, 0.04)
+    write_gif(tmp_path / "x.gif", pictures, 0.04)
     with Image.open(tmp_path / "x.gif") as gif:
         for frame in range(3):
             gif.seek(frame)

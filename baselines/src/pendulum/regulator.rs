@@ -33,7 +33,7 @@ const SURPLUS: f64 = 0.15;
 /// dynamics.
 ///
 /// Without units: rates count in units of sqrt(g/L), torque in units of the limit. In less gravity than
-/// [`PACE`] a dear motor would stand still, since nothing falls: there the law turns the rod with the
+/// `PACE` a dear motor would stand still, since nothing falls: there the law turns the rod with the
 /// torque that gravity of that size would need.
 pub fn gentle_weights(rod: &RodDesign) -> Weights {
     if rod.gravity < PACE {

@@ -20,6 +20,7 @@ from rodgym.evaluation.trajectories import write_trajectories
 from rodgym.extras import installed
 from rodgym.report import animation, plots
 from rodgym.report import statistics as pictures
+from rodgym.report.gif import write_gif
 from rodgym.report.players import Player, describe
 from rodgym.runs import Run, write_csv
 
@@ -139,7 +140,7 @@ def compare(
     for own in machines.of(records[0].spec).pictures:
         own.draw(run.file(own.file), records, evaluations)
     frames = animation.side_by_side(records)
-    animation.write_gif(run.file("animation.gif"), frames, records[0].frame_dt)
+    write_gif(run.file("animation.gif"), frames, records[0].frame_dt)
     if installed("imageio_ffmpeg"):
         animation.write_mp4(run.file("animation.mp4"), frames, records[0].frame_dt)
     if trainings:

@@ -24,7 +24,7 @@ rodgym evaluate lqr
 rodgym evaluate runs/demo/policy.zip --seeds 100:200
 rodgym evaluate zoo --env rodgym/PendulumSwingUp-v0 --env-arg width=0.0081
 rodgym evaluate lqr --band starts
-rodgym evaluate lqr --env-arg randomize={'width':(0.006,0.009)} --design nominal
+rodgym evaluate lqr --env-arg "randomize={'width':(0.006,0.009)}" --design nominal
 """
 
 
