@@ -27,6 +27,8 @@ START = {"damping": 1e-3, "bending_damping": 5e-4}
 DOUBTFUL, WRONG = 1.25, 2.5
 #: Refused is also what leaves this much over and does not foretell its own film.
 HALF_WRONG = 1.4
+#: And what is off by more than this share of the length and does not foretell it.
+COARSE_EYE = 0.01
 
 
 def table() -> dict[str, dict[str, float]]:
@@ -127,6 +129,11 @@ def searched(search: Search, discrete: int | None, nodes: int, known: Mapping[st
             f"by {1e3 * best.sigma:.2f} mm where short pieces are by {1e3 * noise:.2f} mm. A "
             "known value may be wrong (length, width, gravity), or the clock (frames a "
             "second), or the base does not turn freely, or the fit began too far off (--start)"
+        )
+    if holdout.useless or (not holdout.passed and best.sigma > COARSE_EYE * search.places[-1]):
+        raise MisfitError(
+            f"the fit does not foretell its own film: {holdout.words}. Too many markers may be "
+            "wrong or swapped (look at the tracks), or the fit began too far off (--start)"
         )
     twin = None
     if discrete is None:
