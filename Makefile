@@ -159,6 +159,10 @@ lab: extension ## long: fits of 1300 synthetic films, writes docs/lab-proofs.md;
 unknown-rods: extension ## long: output feedback of rods that it must learn, writes docs/unknown-rods.md
 	$(BIN)/python tests/long/unknown_rods.py
 
+.PHONY: gaits
+gaits: extension ## long: a minute; gaits of fins whose stiffness is felt, writes docs/gaits.md
+	$(BIN)/python tests/long/gaits.py
+
 scores: extension ## long: trains on several seeds and writes docs/scores.md
 	$(BIN)/python tests/long/scores.py
 

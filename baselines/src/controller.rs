@@ -39,9 +39,17 @@ pub trait Controller: Send + Sync {
     fn parameters(&self) -> Vec<(&'static str, f64)> {
         Vec::new()
     }
-    /// What a row of `state` says of the machine's parameters; empty for a law that learns nothing.
-    fn estimate(&self, _state: &[f64]) -> Vec<Quantity> {
-        Vec::new()
+    /// Tells what a row of `state` says of the machine's parameters, always the same quantities in the same order;
+    /// nothing of a law that learns nothing.
+    fn estimate(&self, _state: &[f64], _tell: &mut dyn FnMut(Quantity)) {}
+    /// The design as bytes that its entry in the registry can read; nothing where it cannot be saved.
+    fn numbers(&self) -> Option<Vec<u8>> {
+        None
+    }
+    /// Where an observation holds what this law cannot take: infinity, or NaN where that is no lost sample.
+    fn unreadable(&self, observations: &[f32]) -> Option<usize> {
+        let lost = |x: &f32| x.is_nan() && self.takes_lost_samples();
+        observations.iter().position(|x| !(x.is_finite() || lost(x)))
     }
     /// Fills a row of `state` for an episode that begins with this observation.
     fn start(&self, observation: &[f32], state: &mut [f64]);
@@ -73,8 +81,7 @@ pub trait Controller: Send + Sync {
                 return Err(shape(name, format!("({got},)"), format!("({n}, {width})")));
             }
         }
-        let lost = |x: &f32| x.is_nan() && self.takes_lost_samples();
-        if let Some(i) = observations.iter().position(|x| !(x.is_finite() || lost(x))) {
+        if let Some(i) = self.unreadable(observations) {
             return Err(crate::error::parameter(
                 &format!("observation[{}, {}]", i / d, i % d),
                 observations[i],

@@ -52,6 +52,12 @@ pub enum Error {
         /// What is missing.
         reason: String,
     },
+    /// Bytes that are no saved controller, or a controller that cannot be saved.
+    #[error("not the file of a controller: {reason}")]
+    Saved {
+        /// What is wrong.
+        reason: String,
+    },
     /// Refused by the core.
     #[error(transparent)]
     Core(#[from] rodgym_core::Error),
@@ -66,4 +72,9 @@ pub(crate) fn parameter(name: &str, value: impl ToString, allowed: &str) -> Erro
 /// Builds an [`Error::Shape`].
 pub(crate) fn shape(name: &str, got: impl ToString, expected: impl ToString) -> Error {
     Error::Shape { name: name.into(), got: got.to_string(), expected: expected.to_string() }
+}
+
+/// Builds an [`Error::Saved`].
+pub(crate) fn unsaved(reason: impl ToString) -> Error {
+    Error::Saved { reason: reason.to_string() }
 }

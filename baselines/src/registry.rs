@@ -2,10 +2,12 @@
 
 use crate::controller::Controller;
 use crate::error::{Error, Result, parameter};
-use crate::gait::Gait;
+use crate::fin::{Gait, GaitAdaptive};
 use crate::pendulum::{HybridLqr, Lqg, LqgAdaptive, Lqr, Mpc, RodDesign, ThesisLqg};
+use crate::saved;
 pub use crate::target::Target;
 use rodgym_core::fin::cycle::Waveform;
+use serde::de::DeserializeOwned;
 use std::sync::{PoisonError, RwLock};
 
 /// One controller: its name, the machine that it is for, and its design.
@@ -16,42 +18,70 @@ pub struct Entry {
     /// The machine that it moves.
     pub machine: &'static str,
     /// Designs it for an environment with that machine.
-    pub design: fn(&Target) -> Result<Box<dyn Controller>>,
+    pub design: Design,
+    /// Reads what `Controller::numbers` of its law wrote; nothing where the law cannot be saved.
+    pub read: Option<Read>,
+}
+
+/// How a controller is designed.
+pub type Design = fn(&Target) -> Result<Box<dyn Controller>>;
+/// How a controller is read from the bytes of its design.
+pub type Read = fn(&[u8]) -> Result<Box<dyn Controller>>;
+
+impl Entry {
+    /// A controller that can be saved.
+    #[must_use]
+    pub const fn saved(self, read: Read) -> Self {
+        Entry { read: Some(read), ..self }
+    }
 }
 
 /// Our own controllers.
 const OURS: &[Entry] = &[
-    pendulum("lqr", |target| boxed(Lqr::for_target(rod(target)?, target.observation.size()))),
+    pendulum("lqr", |target| boxed(Lqr::for_target(rod(target)?, target.observation.size())))
+        .saved(plain::<Lqr>),
     pendulum("lqr-hybrid", |target| {
         boxed(HybridLqr::for_target(rod(target)?, target.observation.size()))
-    }),
-    pendulum("lqg", |target| boxed(Lqg::for_target(target))),
-    pendulum("lqg-adaptive", |target| boxed(LqgAdaptive::for_target(target))),
+    })
+    .saved(plain::<HybridLqr>),
+    pendulum("lqg", |target| boxed(Lqg::for_target(target)))
+        .saved(|bytes| boxed(Lqg::from_numbers(bytes))),
+    pendulum("lqg-adaptive", |target| boxed(LqgAdaptive::for_target(target)))
+        .saved(|bytes| boxed(LqgAdaptive::from_numbers(bytes))),
     pendulum("mpc", |target| boxed(Mpc::for_target(target))),
     pendulum("thesis-lqr", |target| {
         boxed(HybridLqr::literal_for_target(rod(target)?, target.observation.size()))
-    }),
+    })
+    .saved(plain::<HybridLqr>),
     pendulum("thesis-lqg", |target| {
         boxed(ThesisLqg::for_target(rod(target)?, target.observation.size()))
-    }),
-    fin("gait", |target| boxed(Gait::best_for_target(target))),
-    fin("gait-sine", |target| boxed(Gait::for_target(Waveform::Sine, target))),
-    fin("gait-square", |target| boxed(Gait::for_target(Waveform::Square, target))),
-    fin("gait-triangle", |target| boxed(Gait::for_target(Waveform::Triangle, target))),
+    })
+    .saved(plain::<ThesisLqg>),
+    fin("gait", |target| boxed(Gait::best_for_target(target))).saved(plain::<Gait>),
+    fin("gait-sine", |target| boxed(Gait::for_target(Waveform::Sine, target))).saved(plain::<Gait>),
+    fin("gait-square", |target| boxed(Gait::for_target(Waveform::Square, target)))
+        .saved(plain::<Gait>),
+    fin("gait-triangle", |target| boxed(Gait::for_target(Waveform::Triangle, target)))
+        .saved(plain::<Gait>),
+    fin("gait-adaptive", |target| boxed(GaitAdaptive::for_target(target)))
+        .saved(plain::<GaitAdaptive>),
 ];
 
-type Design = fn(&Target) -> Result<Box<dyn Controller>>;
-
 const fn pendulum(name: &'static str, design: Design) -> Entry {
-    Entry { name, machine: "pendulum", design }
+    Entry { name, machine: "pendulum", design, read: None }
 }
 
 const fn fin(name: &'static str, design: Design) -> Entry {
-    Entry { name, machine: "fin", design }
+    Entry { name, machine: "fin", design, read: None }
 }
 
 fn boxed<C: Controller + 'static>(law: Result<C>) -> Result<Box<dyn Controller>> {
     Ok(Box::new(law?))
+}
+
+/// Reads a law that is its own numbers.
+fn plain<C: Controller + DeserializeOwned + 'static>(bytes: &[u8]) -> Result<Box<dyn Controller>> {
+    boxed(saved::read::<C>(bytes))
 }
 
 fn rod(target: &Target) -> Result<RodDesign> {

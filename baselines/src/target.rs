@@ -15,6 +15,19 @@ pub struct Target {
     pub config: Map<String, Value>,
     /// An observation.
     pub observation: Space,
+    /// An action.
+    #[serde(default)]
+    pub action: Space,
+    /// The physical parameters among the keywords.
+    #[serde(default)]
+    pub parameters: Vec<Named>,
+}
+
+/// A parameter's name, of all that a spec says of it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Named {
+    /// Its keyword.
+    pub name: String,
 }
 
 impl From<&Spec> for Target {
@@ -24,6 +37,8 @@ impl From<&Spec> for Target {
             machine: spec.machine.into(),
             config: spec.config.clone(),
             observation: spec.observation.clone(),
+            action: spec.action.clone(),
+            parameters: spec.parameters.iter().map(|one| Named { name: one.name.into() }).collect(),
         }
     }
 }

@@ -1,12 +1,14 @@
 //! `Controller`: a classical controller of the crate rodgym-baselines, as NumPy sees it.
 
+use crate::arguments::repr;
 use crate::arrays;
 use crate::convert::{serialize, to_map, to_python};
 use crate::errors::{raise, to_py};
 use numpy::{Ix1, Ix2, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyTuple};
+use pyo3::types::{PyBytes, PyDict, PyTuple};
 use rodgym_baselines::registry::{self, Target};
+use rodgym_baselines::saved::{self, Saved};
 use rodgym_baselines::{Controller as Law, Error};
 use rodgym_caught::caught;
 use serde_json::Value;
@@ -30,6 +32,7 @@ pub fn raise_baseline(error: Error) -> PyErr {
     match error {
         Error::Core(error) => to_py(error),
         Error::Shape { .. } => raise("ShapeError", message),
+        Error::Saved { .. } => raise("SnapshotError", message),
         Error::NoSolution { .. } | Error::Inaccurate { .. } => raise("DesignError", message),
         Error::Parameter { .. } | Error::Unsuitable { .. } => raise("ParameterError", message),
     }
@@ -57,6 +60,30 @@ impl Controller {
             })?;
         let law = py.detach(|| registry::make(&name, &target)).map_err(raise_baseline)?;
         Ok(Controller { name, target, law })
+    }
+
+    /// The controller of a file that `save` made.
+    #[staticmethod]
+    fn load(py: Python<'_>, data: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let data: Vec<u8> = data.extract().map_err(|_| {
+            let allowed = "the bytes that save wrote";
+            to_py(rodgym_core::Error::parameter("data", repr(data), allowed))
+        })?;
+        let Saved { name, target, law } =
+            py.detach(|| saved::decode(&data)).map_err(raise_baseline)?;
+        Ok(Controller { name, target, law })
+    }
+
+    /// Every number of its design, for `load`, and for programs in other languages.
+    fn save<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        let bytes = saved::encode(&self.name, &self.target, &*self.law).map_err(raise_baseline)?;
+        Ok(PyBytes::new(py, &bytes))
+    }
+
+    /// Names of the physical parameters among the environment's keywords.
+    #[getter]
+    fn physical(&self) -> PyResult<Vec<&str>> {
+        Ok(self.target.parameters.iter().map(|one| one.name.as_str()).collect())
     }
 
     /// One of `controllers`.
@@ -114,14 +141,14 @@ impl Controller {
         let state: Vec<f64> = state.as_array().iter().copied().collect();
         let mut told: Vec<(&str, &str, Vec<f64>)> = Vec::new();
         for row in 0..n {
-            for (i, quantity) in
-                self.law.estimate(&state[row * s..(row + 1) * s]).into_iter().enumerate()
-            {
+            let mut i = 0;
+            self.law.estimate(&state[row * s..(row + 1) * s], &mut |quantity| {
                 if row == 0 {
                     told.push((quantity.name, quantity.unit, Vec::with_capacity(3 * n)));
                 }
                 told[i].2.extend([quantity.value, quantity.low, quantity.high]);
-            }
+                i += 1;
+            });
         }
         let dict = PyDict::new(py);
         for (name, unit, numbers) in told {

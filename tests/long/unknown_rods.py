@@ -1,8 +1,11 @@
 """Output feedback of rods that nobody measured: `make unknown-rods` writes docs/unknown-rods.md.
 
 Three controllers play the same episodes: `lqg` that believes the nominal rod, `lqg-adaptive` that
-is told the nominal rod too, and "informed", an `lqg` that is told each episode's rod. A case that
-was played is kept in the log (`--log`); what is there is not played again.
+is told the nominal rod too, and "informed", an `lqg` that is told each episode's rod. Beside them
+stand, in the maps and in the table of returns, the student `zoo:unknown-e` and the same student
+gone on by PPO ("tuned", made where it is not there yet). A case that was played is kept in the log
+(`--log`); what is there is not played again, and a part of the page of which nothing was played
+stays as it is.
 
 Seeds from 10000 on report; those below were used while the controllers were made.
 """
@@ -25,8 +28,9 @@ from controllers import ANY_ANGLE, BASE_ONLY, DOCS, NOISE, Blinded
 from numpy.typing import NDArray
 from rodgym import baselines, sim
 from rodgym.evaluation import evaluate
+from rodgym.evaluation.policies import of_zoo
 from rodgym.machines import spec_of
-from rodgym.runs import provenance
+from rodgym.runs import Run, provenance
 
 FIRST_SEED = 10_000
 #: The nominal rod's width [m] and modulus [Pa].
@@ -35,6 +39,20 @@ MODULI = (7e6, 8e6, 9e6, 1e7, 11e6, 12e6, 13e6, 14e6, 15e6)
 #: With 7 mm of the row before these are nine, too.
 WIDTHS = (0.0056, 0.006, 0.0063, 0.00665, 0.00735, 0.0077, 0.0084, 0.009)
 LAWS = ("lqg", "lqg-adaptive", "informed")
+#: The student that comes with rodgym, and the one that PPO makes of it.
+STUDENT, TUNED = "student", "tuned"
+STUDENTS = {STUDENT: "zoo:unknown-e"}
+#: Name of the run, steps and seed of the fine-tuning; the seed is that of the student.
+TUNING = ("unknown-e", 500_000, 100)
+HEADS = {
+    "lqg": "`lqg`",
+    "lqg-adaptive": "`lqg-adaptive`",
+    "informed": "informed `lqg`",
+    STUDENT: "student",
+    TUNED: "fine-tuned student",
+}
+#: Rods of the table of returns [Pa]; the first plays rods that are drawn from all of them.
+RETURN_MODULI = (7e6, 8e6, 1e7, 12e6, 13e6)
 #: Episodes of a case of the map.
 MAP_SEEDS = 10
 #: Rods of the map: factors of the nominal modulus and width.
@@ -109,11 +127,26 @@ class Case:
         if law == "informed":
             policy: Any = Informed(BASE_ONLY, seeds, keywords)
         else:
-            policy = designed(law, told)
+            policy = STUDENTS.get(law) or designed(law, told)
         if self.lost:
             policy = Blinded(policy, self.lost)
         result = evaluate(policy, BASE_ONLY, seeds, env_kwargs=keywords)
-        return {"upright": int(result.columns["upright"].sum())}
+        returns = np.asarray(result.columns["return"], float)
+        upright = int(result.columns["upright"].sum())
+        return {"upright": upright, "returns": np.round(returns, 3).tolist()}
+
+
+def tuned(runs: Path) -> str:
+    """The file of the fine-tuned student, which is made first where it is not there."""
+    name, steps, seed = TUNING
+    run = Run(f"{name}-ppo", runs)
+    file = run.path / "policy.zip"
+    if not file.exists():
+        from rodgym.distil.fine_tune import fine_tune
+
+        source = of_zoo(STUDENTS[STUDENT], BASE_ONLY)
+        file = fine_tune(str(source), run, steps=steps, seed=seed).policy
+    return str(file)
 
 
 def designed(law: str, keywords: Mapping[str, Any]) -> baselines.Controller:
@@ -237,7 +270,13 @@ def cases() -> Iterator[Case]:
     for width in MAP_WIDTHS:
         for modulus in MAP_MODULI:
             rod = {"width": WIDTH * width, "youngs_modulus": MODULUS * modulus}
-            yield Case("map", f"{width:g} x {modulus:g}", {}, rod, seeds=MAP_SEEDS)
+            laws = (*LAWS, STUDENT, TUNED)
+            yield Case("map", f"{width:g} x {modulus:g}", {}, rod, laws=laws, seeds=MAP_SEEDS)
+    laws = ("lqg-adaptive", "informed", STUDENT, TUNED)
+    yield Case("return", "E drawn from 7 to 13 MPa", {}, stiff, laws=laws)
+    for modulus in RETURN_MODULI:
+        rod = {"youngs_modulus": modulus}
+        yield Case("return", f"{modulus / 1e6:g} MPa", {}, rod, laws=laws)
 
 
 def play_all(
@@ -283,8 +322,7 @@ def cell(done: Mapping[str, Mapping[str, Any]], case: Case, law: str) -> str:
 
 def table(done: Mapping[str, Mapping[str, Any]], name: str, laws: Sequence[str]) -> str:
     """A table of cases (rows) and controllers (columns)."""
-    heads = {"informed": "informed `lqg`"}
-    lines = ["| " + " | ".join(["rods", *(heads.get(law, f"`{law}`") for law in laws)]) + " |"]
+    lines = ["| " + " | ".join(["rods", *(HEADS[law] for law in laws)]) + " |"]
     lines.append("|---" * (len(laws) + 1) + "|")
     for case in cases():
         if case.table == name and any(key_of(case, law) in done for law in laws):
@@ -303,6 +341,33 @@ def square(done: Mapping[str, Mapping[str, Any]], law: str) -> str:
             row = done.get(f"map: {width:g} x {modulus:g}: {law}")
             cells.append(str(row["upright"]) if row else "")
         lines.append(f"| {1e3 * WIDTH * width:.2f} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def returned(done: Mapping[str, Mapping[str, Any]]) -> str:
+    """Mean returns, and by how much the fine-tuned student's differ from `lqg-adaptive`'s."""
+    laws = ("lqg-adaptive", "informed", STUDENT, TUNED)
+    heads = [*(HEADS[law] for law in laws), "fine-tuned over `lqg-adaptive`"]
+    lines = ["| rods | " + " | ".join(heads) + " |", "|---" * (len(heads) + 1) + "|"]
+    for case in cases():
+        rows = {law: done.get(key_of(case, law)) for law in laws}
+        if case.table != "return" or not any(rows.values()):
+            continue
+        cells = []
+        for row in rows.values():
+            text = "" if row is None else f"{np.mean(row['returns']):.1f}"
+            if row is not None and row["upright"] < row["seeds"]:
+                text += f" ({row['upright']} of {row['seeds']} upright)"
+            cells.append(text)
+        ours, theirs = rows[TUNED], rows["lqg-adaptive"]
+        if ours and theirs:
+            off = np.subtract(ours["returns"], theirs["returns"])
+            drawn = np.random.default_rng(0).integers(len(off), size=(10_000, len(off)))
+            low, high = np.quantile(off[drawn].mean(1), (0.025, 0.975))
+            cells.append(f"{off.mean():+.2f} ({low:+.2f} to {high:+.2f})")
+        lines.append(f"| {case.what} | " + " | ".join(cells) + " |")
+    facts = provenance()
+    lines.append(f"\nMeasured on {facts['date']} ({facts['machine']}).")
     return "\n".join(lines)
 
 
@@ -348,6 +413,15 @@ def total(done: Mapping[str, Mapping[str, Any]], law: str) -> str:
     return f"{sum(row['upright'] for row in rows)} of {sum(row['seeds'] for row in rows)}"
 
 
+def played(done: Mapping[str, Mapping[str, Any]], part: str) -> bool:
+    """Whether there is anything to write in a part of the page."""
+    table, _, law = part.partition(" ")
+    # (Both say something of the tables before the maps.)
+    if table in ("date", "cost"):
+        table = "line"
+    return any(key.startswith(f"{table}: ") and key.endswith(law) for key in done)
+
+
 def page(done: Mapping[str, Mapping[str, Any]], template: str) -> str:
     """The page: the text of today's with its measured parts replaced."""
     facts = provenance()
@@ -365,9 +439,12 @@ def page(done: Mapping[str, Mapping[str, Any]], template: str) -> str:
         "jump": lambda: table(done, "jump", LAWS),
         "estimate": lambda: learned(done),
         "cost": call_times,
-        **{f"map {law}": partial(square, done, law) for law in LAWS},
+        "return": lambda: returned(done),
+        **{f"map {law}": partial(square, done, law) for law in (*LAWS, STUDENT, TUNED)},
     }
     for name, text in parts.items():
+        if not played(done, name):
+            continue
         begin, end = f"<!-- {name} -->", f"<!-- end {name} -->"
         before, found, rest = template.partition(begin)
         _, closed, after = rest.partition(end)
@@ -382,11 +459,13 @@ def main() -> int:
     parser.add_argument("--seeds", type=int, default=100)
     parser.add_argument("--log", type=Path, default=Path("runs/unknown-rods.jsonl"))
     parser.add_argument("--page", type=Path, default=DOCS / "unknown-rods.md")
-    parser.add_argument("--tables", default="line,drawn,informed,jump,estimate,map")
-    parser.add_argument("--laws", default=",".join(LAWS))
+    parser.add_argument("--tables", default="line,drawn,informed,jump,estimate,map,return")
+    parser.add_argument("--laws", default=",".join(HEADS))
     arguments = parser.parse_args()
     arguments.log.parent.mkdir(parents=True, exist_ok=True)
     tables, laws = arguments.tables.split(","), arguments.laws.split(",")
+    if TUNED in laws and {"map", "return"} & set(tables):
+        STUDENTS[TUNED] = tuned(arguments.log.parent)
     done = play_all(arguments.log, arguments.seeds, tables, laws)
     text = arguments.page.read_text(encoding="utf-8")
     arguments.page.write_text(page(done, text), encoding="utf-8")

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import csv
+import functools
 from pathlib import Path
 
+import gaits as gaits_page
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -186,3 +188,44 @@ def test_chapter_3_grid_is_the_references_grid():
     found = period(10.0, 1.5, youngs_modulus=2.5e5)
     assert found.mean_thrust == pytest.approx(float(row["T_x_N"]), rel=5e-3)
     assert found.efficiency == pytest.approx(float(row["eff_x"]), rel=5e-3)
+
+
+@functools.cache
+def laws() -> tuple[Gait, rodgym.baselines.AdaptiveGait]:
+    """Designs that know the range of stiffnesses alone."""
+    drawn = gym.make(THRUST)
+    return Gait.for_env(drawn, "sine"), rodgym.baselines.AdaptiveGait.for_env(drawn)
+
+
+@pytest.mark.parametrize(("modulus", "more"), [(4.3e4, 5), (4.1e5, -5), (2.2e6, 10)])
+def test_a_gait_that_feels_the_stiffness_suits_every_fin(modulus, more):
+    """Never far below the best fixed sinusoid for all fins, and far above it at both ends."""
+    env = gym.make(THRUST, youngs_modulus=modulus)
+    returns = []
+    for law in laws():
+        observation, _ = env.reset(seed=5000)
+        state, total = None, 0.0
+        for _ in range(200):
+            action, state = law.predict(observation, state)
+            observation, reward, *_ = env.step(action)
+            total += reward
+        returns.append(total)
+    assert returns[1] - returns[0] > more
+    [[value, low, high]] = law.estimate(state)["youngs_modulus"]
+    assert abs(value / modulus - 1) < 0.25 and low < value < high
+
+
+def test_a_gait_that_feels_needs_to_see_torque_and_thrust():
+    with pytest.raises(ParameterError, match="observation='full'"):
+        rodgym.baselines.make("gait-adaptive", gym.make(THRUST, observation="camera"))
+
+
+def test_the_page_of_gaits_sets_returns_of_the_same_episodes_side_by_side():
+    ours, theirs = np.array([3.0, 5.0, 1.0, 7.0]), np.array([2.0, 4.0, 0.0, 6.0])
+    assert gaits_page.more(ours, theirs).tolist() == [1.0, 1.0, 1.0]
+    value, low, high = gaits_page.ratio(ours, theirs)
+    assert value == 4 / 3 and 1 < low < value < high
+    rows = gaits_page.quarters({"gait": ours}, np.array([4e4, 2e5, 6e5, 2e6]))
+    assert rows[-1] == "| `gait` | 3.0 | 5.0 | 1.0 | 7.0 |"
+    lines, truth = gaits_page.estimates(range(5000, 5002), laws()[1])
+    assert len(lines) == 2 + len(gaits_page.STEPS) and truth.shape == (2,)

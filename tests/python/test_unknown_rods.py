@@ -54,6 +54,21 @@ def test_the_page_is_written_from_what_was_played(monkeypatch):
     assert "| 7 mm, 7 MPa | 3 of 7 |" in text and "times" in text
 
 
+def test_what_was_not_played_stays_on_the_page():
+    before = (DOCS / "unknown-rods.md").read_text(encoding="utf-8")
+    case = first("return")
+    row = {"upright": 3, "seeds": 4}
+    done = {
+        key_of(case, "lqg-adaptive"): {**row, "returns": [470.0, 471.0, 472.0, 473.0]},
+        key_of(case, "tuned"): {**row, "returns": [471.0, 472.0, 473.0, 474.0]},
+    }
+    after = page(done, before)
+    rows = [line for line in after.splitlines() if line not in before.splitlines()]
+    cells = "471.5 (3 of 4 upright) |  |  | 472.5 (3 of 4 upright) | +1.00 (+1.00 to +1.00)"
+    assert f"| {case.what} | {cells} |" in rows
+    assert after.partition("<!-- return -->")[0] == before.partition("<!-- return -->")[0]
+
+
 def test_a_late_rod_that_is_believed_wrong_is_still_told_numbers():
     """The forecast over the motor's delay was flung off, and the action was NaN."""
     told = {"sensor_noise": {"angle": 1e-3, "rate": 1e-2}, "actuator_delay": 0.01}

@@ -5,7 +5,7 @@
 //! regulator of the rod that it has found.
 
 use super::bank::{Bank, Estimate, LANES, Step, bank};
-use super::filter::Learning;
+use super::filter::{Learning, Pace};
 use super::lqg::{measured, needs_base};
 use super::prior::Prior;
 use super::schedule::Schedule;
@@ -13,6 +13,8 @@ use super::{Arrival, Noise};
 use crate::controller::{Controller, Quantity};
 use crate::error::Result;
 use crate::registry::Target;
+use crate::saved;
+use serde::{Deserialize, Serialize};
 
 /// What a step leaves of the evidence before it.
 const MEMORY: f64 = 0.99;
@@ -32,13 +34,31 @@ const NINE_OF_TEN: f64 = 1.07;
 /// Observation: cos, sin, rate / (10 rad/s) of the base edge; a NaN among them is a lost sample.
 /// State: steps taken, the regulator's clock \[s\], actions on their way, the filters' scores, their beliefs.
 pub struct LqgAdaptive {
+    numbers: Numbers,
+    bank: Box<dyn Bank>,
+}
+
+/// What a design comes to.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Numbers {
     prior: Prior,
     /// Where each filter starts.
     places: [[f64; 2]; LANES],
-    bank: Box<dyn Bank>,
-    schedule: Schedule,
     noise: Noise,
     arrival: Arrival,
+    pace: Pace,
+    learning: Learning,
+    schedule: Schedule,
+}
+
+impl TryFrom<Numbers> for LqgAdaptive {
+    type Error = crate::Error;
+
+    fn try_from(numbers: Numbers) -> Result<Self> {
+        let rods = numbers.places.map(|place| numbers.prior.rod(place));
+        let bank = bank(&rods, numbers.noise, numbers.pace, numbers.learning)?;
+        Ok(LqgAdaptive { numbers, bank })
+    }
 }
 
 /// Parts of a row of the state.
@@ -74,9 +94,17 @@ impl LqgAdaptive {
             process: [known(0, DRIFT), known(1, DRIFT)],
         };
         let rods = places.map(|place| prior.rod(place));
-        let bank = bank(&rods, noise, &arrival, learning)?;
+        let pace = Pace::of(&rods, &arrival);
         let schedule = Schedule::new(&prior)?;
-        Ok(LqgAdaptive { prior, places, bank, schedule, noise, arrival })
+        Numbers { prior, places, noise, arrival, pace, learning, schedule }.try_into()
+    }
+
+    /// Reads what `Controller::numbers` wrote.
+    ///
+    /// # Errors
+    /// Bytes of something else.
+    pub fn from_numbers(bytes: &[u8]) -> Result<Self> {
+        saved::read::<Numbers>(bytes)?.try_into()
     }
 
     /// Designs the controller for an environment: the rods that it draws, or those about its nominal one.
@@ -93,7 +121,7 @@ impl LqgAdaptive {
     fn row<'a>(&self, state: &'a mut [f64]) -> Row<'a> {
         let (law, rest) = state.split_at_mut(2);
         let [steps, clock] = law else { unreachable!("split at two") };
-        let (actions, rest) = rest.split_at_mut(self.arrival.memory());
+        let (actions, rest) = rest.split_at_mut(self.numbers.arrival.memory());
         let (scores, beliefs) = rest.split_at_mut(LANES);
         Row { steps, clock, actions, scores, beliefs }
     }
@@ -101,7 +129,7 @@ impl LqgAdaptive {
     /// Where in the prior a filter believes its rod.
     fn place(&self, lane: usize, estimate: &Estimate) -> [f64; 2] {
         let [stiffness, mobility] = estimate.feel;
-        [self.places[lane][0] + stiffness, self.places[lane][1] - mobility]
+        [self.numbers.places[lane][0] + stiffness, self.numbers.places[lane][1] - mobility]
     }
 }
 
@@ -115,26 +143,29 @@ impl Controller for LqgAdaptive {
         3
     }
     fn state_size(&self) -> usize {
-        2 + self.arrival.memory() + LANES + self.bank.memory()
+        2 + self.numbers.arrival.memory() + LANES + self.bank.memory()
     }
     fn takes_lost_samples(&self) -> bool {
         true
     }
     fn parameters(&self) -> Vec<(&'static str, f64)> {
-        [self.schedule.first().parameters(), self.noise.by_name()].concat()
+        [self.numbers.schedule.first().parameters(), self.numbers.noise.by_name()].concat()
+    }
+    fn numbers(&self) -> Option<Vec<u8>> {
+        saved::written(&self.numbers)
     }
     fn start(&self, observation: &[f32], state: &mut [f64]) {
         state.fill(0.0);
         let row = self.row(state);
-        *row.clock = self.schedule.first().start();
+        *row.clock = self.numbers.schedule.first().start();
         let (angle, rate) = measured(observation).unwrap_or((0.0, 0.0));
         self.bank.start(angle, rate, row.beliefs);
     }
     fn act(&self, observation: &[f32], state: &mut [f64], action: &mut [f32]) {
         let row = self.row(state);
-        let limit = self.prior.middle.torque_limit;
+        let limit = self.numbers.prior.middle.torque_limit;
         let step = Step {
-            torques: self.arrival.acting(row.actions).map(|action| action * limit),
+            torques: self.numbers.arrival.acting(row.actions).map(|action| action * limit),
             measured: measured(observation),
             moved: *row.steps > 0.0,
         };
@@ -147,35 +178,33 @@ impl Controller for LqgAdaptive {
         }
         let lane = likeliest(row.scores);
         let estimate = self.bank.estimate(lane, row.beliefs);
-        let (x, n) = self.bank.forecast(lane, &self.arrival, row.actions, limit, row.beliefs);
-        let torque = self.schedule.torque(self.place(lane, &estimate), &x[..n], row.clock);
+        let (x, n) =
+            self.bank.forecast(lane, &self.numbers.arrival, row.actions, limit, row.beliefs);
+        let torque = self.numbers.schedule.torque(self.place(lane, &estimate), &x[..n], row.clock);
         action[0] = (torque / limit).clamp(-1.0, 1.0) as f32;
-        self.arrival.push(f64::from(action[0]), row.actions);
+        self.numbers.arrival.push(f64::from(action[0]), row.actions);
     }
 
-    fn estimate(&self, state: &[f64]) -> Vec<Quantity> {
-        let from = 2 + self.arrival.memory();
+    fn estimate(&self, state: &[f64], tell: &mut dyn FnMut(Quantity)) {
+        let from = 2 + self.numbers.arrival.memory();
         let (scores, beliefs) = state[from..].split_at(LANES);
         let lane = likeliest(scores);
         let estimate = self.bank.estimate(lane, beliefs);
         let [stiffness, mass] = self.place(lane, &estimate);
-        let rod = self.prior.rod([stiffness, mass]);
+        let rod = self.numbers.prior.rod([stiffness, mass]);
         let [a, b, c] = estimate.spread;
         // Logarithms of all that is told are sums of those of stiffness over mass, and of mobility.
-        let quantity = |name, unit, value: f64, of: [f64; 2]| {
+        let mut quantity = |name, unit, value: f64, of: [f64; 2]| {
             let variance = of[0] * of[0] * a + 2.0 * of[0] * of[1] * b + of[1] * of[1] * c;
             let factor = libm::exp(NINE_OF_TEN * libm::sqrt(variance.max(0.0)));
-            Quantity { name, unit, value, low: value / factor, high: value * factor }
+            tell(Quantity { name, unit, value, low: value / factor, high: value * factor });
         };
         let area = rod.width * rod.width;
-        let mut told = vec![
-            quantity("bending_stiffness", "N m^2", rod.bending_stiffness(), [1.0, -1.0]),
-            quantity("mass", "kg", rod.density * area * rod.length, [0.0, -1.0]),
-        ];
-        if !self.prior.any_density {
-            told.push(quantity("youngs_modulus", "Pa", rod.youngs_modulus, [1.0, 1.0]));
-            told.push(quantity("width", "m", rod.width, [0.0, -0.5]));
+        quantity("bending_stiffness", "N m^2", rod.bending_stiffness(), [1.0, -1.0]);
+        quantity("mass", "kg", rod.density * area * rod.length, [0.0, -1.0]);
+        if !self.numbers.prior.any_density {
+            quantity("youngs_modulus", "Pa", rod.youngs_modulus, [1.0, 1.0]);
+            quantity("width", "m", rod.width, [0.0, -0.5]);
         }
-        told
     }
 }

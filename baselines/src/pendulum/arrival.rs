@@ -1,6 +1,7 @@
 //! The torque that arrives: actions of the past on their way through the motor's delay.
 
 use crate::error::{Result, parameter};
+use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 /// Most control periods that a torque may be late, as the environments have it.
@@ -10,7 +11,7 @@ pub const MOST: usize = 10;
 ///
 /// A control period has two parts: in its first the torque of one action still acts, in the rest that of the
 /// next. The memory holds the actions that are on their way, the newest first.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Arrival {
     whole: usize,
     late: f64,

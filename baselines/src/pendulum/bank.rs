@@ -1,6 +1,7 @@
 //! A bank of filters, each of which believes in another rod: eight of them side by side in lanes.
 
-use super::filter::{Belief, Filter, Learning, Surprise};
+use super::belief::Belief;
+use super::filter::{Filter, Learning, Pace, Surprise};
 use super::rods::{STATE, State};
 use super::{Arrival, Noise, RodDesign};
 use rodgym_core::isa::{ForLanes, Isa, Kernel, dispatch, with_lanes};
@@ -83,17 +84,17 @@ pub struct Estimate {
 pub fn bank(
     rods: &[RodDesign; LANES],
     noise: Noise,
-    arrival: &Arrival,
+    pace: Pace,
     learning: Learning,
 ) -> crate::error::Result<Box<dyn Bank>> {
     let isa = Isa::current()?;
-    Ok(with_lanes(isa, Make { rods, noise, arrival, learning, isa }))
+    Ok(with_lanes(isa, Make { rods, noise, pace, learning, isa }))
 }
 
 struct Make<'a> {
     rods: &'a [RodDesign],
     noise: Noise,
-    arrival: &'a Arrival,
+    pace: Pace,
     learning: Learning,
     isa: Isa,
 }
@@ -102,7 +103,7 @@ impl ForLanes for Make<'_> {
     type Output = Box<dyn Bank>;
     fn make<R: Real>(self) -> Self::Output {
         assert_eq!(R::LANES, LANES, "the core's lanes");
-        let filter = Filter::<R>::new(self.rods, self.noise, self.arrival, self.learning);
+        let filter = Filter::<R>::new(self.rods, self.noise, self.pace, self.learning);
         Box::new(Filters { filter, isa: self.isa })
     }
 }
@@ -247,8 +248,8 @@ mod tests {
         let arrival = Arrival::new(1.5);
         let learning = Learning { start: [0.01, 0.04], process: [1e-7, 1e-7] };
         let play = |isa: Isa| {
-            let make =
-                Make { rods: &rods, noise: Noise::LEARNER, arrival: &arrival, learning, isa };
+            let pace = Pace::of(&rods, &arrival);
+            let make = Make { rods: &rods, noise: Noise::LEARNER, pace, learning, isa };
             let bank = with_lanes(isa, make);
             let mut memory = vec![0.0; bank.memory()];
             bank.start(0.1, 0.0, &mut memory);

@@ -8,6 +8,7 @@
 
 use super::RodDesign;
 use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
 
 /// Most coordinates that a model may have.
 pub const MAX_COORDINATES: usize = 16;
@@ -16,7 +17,8 @@ pub const MAX_COORDINATES: usize = 16;
 type Coordinates = [f64; MAX_COORDINATES];
 
 /// The reduced chain.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(from = "Made", into = "Made")]
 pub struct Chain {
     rod: RodDesign,
     coordinates: usize,
@@ -24,6 +26,25 @@ pub struct Chain {
     shape: Vec<Coordinates>,
     /// Mass of the node at the far end of each edge \[kg\].
     mass: Vec<f64>,
+}
+
+/// What a chain is made of: all that a file needs to hold.
+#[derive(Serialize, Deserialize)]
+struct Made {
+    rod: RodDesign,
+    coordinates: usize,
+}
+
+impl From<Made> for Chain {
+    fn from(made: Made) -> Self {
+        Chain::new(&made.rod, made.coordinates)
+    }
+}
+
+impl From<Chain> for Made {
+    fn from(chain: Chain) -> Self {
+        Made { rod: chain.rod, coordinates: chain.coordinates }
+    }
 }
 
 /// Energy of the chain \[J\].
@@ -109,12 +130,17 @@ impl Chain {
     /// Coordinates nearest to given angles of every edge (or rates); S has orthogonal columns.
     pub fn coordinates_of(&self, angles: &[f64]) -> Vec<f64> {
         let mut q = vec![0.0; self.coordinates];
+        self.project(angles.iter().copied(), &mut q);
+        q
+    }
+
+    /// As `coordinates_of`, into a slice of zeros.
+    pub fn project(&self, angles: impl Iterator<Item = f64>, q: &mut [f64]) {
         for (row, angle) in self.shape.iter().zip(angles) {
             for (q, s) in q.iter_mut().zip(row) {
                 *q += s * angle;
             }
         }
-        q
     }
 
     /// Coordinates of the straight rod at an angle.

@@ -2,6 +2,7 @@
 
 use crate::error::{Result, parameter};
 use rodgym_core::given::check_names;
+use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 /// Names of the fields.
@@ -22,7 +23,7 @@ const NODES: &str = "an integer from 2 to 1001";
 
 /// Parameters of a pendulum as the designer knows them. Field names are the keywords of the
 /// environment.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RodDesign {
     /// Side of the square section \[m\].
     pub width: f64,

@@ -2,13 +2,13 @@
 //!
 //! A filter may learn its rod: then the logarithms of stiffness and mobility are two more states.
 
+use super::belief::{Belief, HALF, half};
 use super::rods::{Feel, ORDER, Rods, STATE, Slope, State, round};
 use super::{Arrival, Chain, Noise, RodDesign};
 use rodgym_core::lane::{Mask, Real};
+use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
-/// Numbers of a symmetric matrix of the state.
-const HALF: usize = STATE * (STATE + 1) / 2;
 /// Longest step of the filter's Runge-Kutta method, in units of 1/(highest frequency).
 const RUNGE_KUTTA_STEP: f64 = 1.5;
 /// Longest step in any case \[s\].
@@ -17,21 +17,6 @@ const LONGEST_STEP: f64 = 2e-3;
 const SERIES: f64 = 0.5;
 /// Rate that no rod of ours reaches \[rad/s\].
 const FASTEST: f64 = 1e3;
-
-/// What a filter knows: one a lane.
-#[derive(Clone, Copy, Debug)]
-pub struct Belief<R> {
-    /// Coordinates and rates.
-    pub mean: State<R>,
-    /// Logarithms of stiffness and mobility over the design's.
-    feel: [R; 2],
-    /// Covariance of the state, lower half by rows.
-    covariance: [R; HALF],
-    /// Covariance of state and feel.
-    cross: [R; 2 * STATE],
-    /// Covariance of the feel: stiffness, both, mobility.
-    spread: [R; 3],
-}
 
 /// A filter's surprise at a measured number.
 #[derive(Clone, Copy, Debug)]
@@ -43,12 +28,36 @@ pub struct Surprise<R> {
 }
 
 /// How a filter that learns its rod begins and forgets; all zero: it never learns.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Learning {
     /// Variance of the logarithms of stiffness and mobility at the start.
     pub start: [f64; 2],
     /// Variance added to them at each step.
     pub process: [f64; 2],
+}
+
+/// How a filter divides its control period.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Pace {
+    /// Parts of the period with one torque each, in the order of time: length \[s\] and Runge-Kutta steps.
+    parts: [(f64, usize); 2],
+    /// How often the time of the transition's series is doubled.
+    halvings: u32,
+}
+
+impl Pace {
+    /// For rods whose motor is late. (Bending makes the fast modes; they are about the same in every pose.)
+    pub fn of(rods: &[RodDesign], arrival: &Arrival) -> Self {
+        let fastest = rods.iter().map(fastest).fold(0.0, f64::max);
+        let dt = rods[0].control_dt;
+        let longest = LONGEST_STEP.min(RUNGE_KUTTA_STEP / fastest);
+        let part = |time: f64| (time, libm::ceil(time / longest - 1e-9) as usize);
+        let late = arrival.late() * dt;
+        Pace {
+            parts: [part(late), part(dt - late)],
+            halvings: libm::ceil(libm::log2(dt * fastest / SERIES)).max(1.0) as u32,
+        }
+    }
 }
 
 /// The filters of several rods.
@@ -59,15 +68,7 @@ pub struct Filter<R> {
     learning: Learning,
     learns: bool,
     dt: f64,
-    /// Parts of the period with one torque each, in the order of time: length \[s\] and Runge-Kutta steps.
-    parts: [(f64, usize); 2],
-    halvings: u32,
-}
-
-/// Row and column of the lower half.
-#[inline(always)]
-const fn half(i: usize, j: usize) -> usize {
-    if i >= j { i * (i + 1) / 2 + j } else { j * (j + 1) / 2 + i }
+    pace: Pace,
 }
 
 impl<R: Real> Filter<R> {
@@ -75,22 +76,14 @@ impl<R: Real> Filter<R> {
     ///
     /// # Panics
     /// No rods, or rods whose numbers of nodes differ.
-    pub fn new(rods: &[RodDesign], noise: Noise, arrival: &Arrival, learning: Learning) -> Self {
-        // Bending makes the fast modes; they are about the same in every pose.
-        let fastest = rods.iter().map(fastest).fold(0.0, f64::max);
-        let dt = rods[0].control_dt;
-        let longest = LONGEST_STEP.min(RUNGE_KUTTA_STEP / fastest);
-        let part = |time: f64| (time, libm::ceil(time / longest - 1e-9) as usize);
-        let late = arrival.late() * dt;
-        let halvings = libm::ceil(libm::log2(dt * fastest / SERIES)).max(1.0) as u32;
+    pub fn new(rods: &[RodDesign], noise: Noise, pace: Pace, learning: Learning) -> Self {
         Filter {
             rods: Rods::new(rods),
             noise,
             learns: learning != Learning::default(),
             learning,
-            dt,
-            parts: [part(late), part(dt - late)],
-            halvings,
+            dt: rods[0].control_dt,
+            pace,
         }
     }
 
@@ -165,7 +158,7 @@ impl<R: Real> Filter<R> {
         // (One loop, so that the steps are compiled once.)
         for part in 0..2 * arrival.whole() + 1 {
             let torque = R::splat(arrival.coming(part, actions) * limit);
-            let (time, steps) = self.parts[part % 2];
+            let (time, steps) = self.pace.parts[part % 2];
             for _ in 0..steps {
                 self.rods.step(&mut mean, torque, &feel, time / steps as f64);
             }
@@ -185,7 +178,7 @@ impl<R: Real> Filter<R> {
         // middle, know the model's path better and the rod's less: of soft rods they lose many.
         let slope = self.rods.slope(&belief.mean, torques[1], &feel);
         for part in 0..2 {
-            let (time, steps) = self.parts[part];
+            let (time, steps) = self.pace.parts[part];
             for _ in 0..steps {
                 self.rods.step(&mut belief.mean, torques[part], &feel, time / steps as f64);
             }
@@ -265,7 +258,7 @@ impl<R: Real> Filter<R> {
     #[inline(always)]
     pub(super) fn transition(&self, slope: &Slope<R>) -> ([State<R>; STATE], [State<R>; STATE]) {
         let mut fraction = self.dt;
-        for _ in 0..self.halvings {
+        for _ in 0..self.pace.halvings {
             fraction *= 0.5;
         }
         let mut phi = identity();
@@ -290,7 +283,7 @@ impl<R: Real> Filter<R> {
             phi = next;
         }
         let mut middle = phi;
-        for _ in 0..self.halvings {
+        for _ in 0..self.pace.halvings {
             middle = phi;
             phi = square(&phi);
         }
@@ -353,85 +346,6 @@ impl<R: Real> Filter<R> {
             surprise[which] = Surprise { square: innovation * gain, variance };
         }
         surprise
-    }
-}
-
-/// Does something with every number of a belief in turn. (Loops, for what is not inlined has no vector instructions.)
-macro_rules! each {
-    ($belief:ident, $number:ident => $body:block) => {
-        each!($number => $body; $belief.mean, $belief.feel, $belief.covariance, $belief.cross, $belief.spread)
-    };
-    ($number:ident => $body:block; $($field:expr),*) => {
-        $(for i in 0..$field.len() {
-            let $number = &mut $field[i];
-            $body
-        })*
-    };
-}
-
-impl<R: Real> Belief<R> {
-    /// Numbers of a lane.
-    pub const SIZE: usize = STATE + 2 + HALF + 2 * STATE + 3;
-
-    /// Reads it from `SIZE` rows of numbers, one number a lane in each.
-    #[inline(always)]
-    pub fn read(rows: &[f64]) -> Self {
-        let zero = R::zero();
-        let mut belief = Belief {
-            mean: [zero; STATE],
-            feel: [zero; 2],
-            covariance: [zero; HALF],
-            cross: [zero; 2 * STATE],
-            spread: [zero; 3],
-        };
-        let mut row = 0;
-        each!(belief, number => {
-            for lane in 0..R::LANES {
-                number.set(lane, rows[row + lane]);
-            }
-            row += R::LANES;
-        });
-        belief
-    }
-
-    /// Writes what `read` reads.
-    #[inline(always)]
-    pub fn write(mut self, rows: &mut [f64]) {
-        let mut row = 0;
-        each!(self, number => {
-            for lane in 0..R::LANES {
-                rows[row + lane] = number.get(lane);
-            }
-            row += R::LANES;
-        });
-    }
-
-    /// The numbers of `other` where the mask is set.
-    #[inline(always)]
-    pub fn replace(&mut self, mask: R::Mask, other: &Self) {
-        for i in 0..STATE {
-            self.mean[i] = R::select(mask, other.mean[i], self.mean[i]);
-        }
-        for i in 0..2 {
-            self.feel[i] = R::select(mask, other.feel[i], self.feel[i]);
-        }
-        for i in 0..HALF {
-            self.covariance[i] = R::select(mask, other.covariance[i], self.covariance[i]);
-        }
-        for i in 0..2 * STATE {
-            self.cross[i] = R::select(mask, other.cross[i], self.cross[i]);
-        }
-        for i in 0..3 {
-            self.spread[i] = R::select(mask, other.spread[i], self.spread[i]);
-        }
-    }
-
-    /// What a lane has learned: logarithms of stiffness and mobility over the design's, and their covariance.
-    #[inline(always)]
-    pub fn learned(&self, lane: usize) -> ([f64; 2], [f64; 3]) {
-        let [stiffness, mobility] = self.feel;
-        let [a, b, c] = self.spread;
-        ([stiffness.get(lane), mobility.get(lane)], [a.get(lane), b.get(lane), c.get(lane)])
     }
 }
 

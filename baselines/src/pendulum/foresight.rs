@@ -3,7 +3,7 @@
 //! Eight motions go side by side in lanes: parts of a change of plan, or moments of one plan whose linear models are
 //! made. What a plan loses is what the task of the swing-up counts (`rodgym_core`), and what is left after its end.
 
-use super::filter::{Filter, Learning, fastest};
+use super::filter::{Filter, Learning, Pace, fastest};
 use super::rods::{Feel, ORDER, STATE, State, round, sin_cos};
 use super::{Arrival, Chain, Noise, RodDesign};
 use crate::error::Result;
@@ -60,11 +60,11 @@ impl ForLanes for Make<'_> {
     fn make<R: Real>(self) -> Self::Output {
         let Make { rod, isa } = self;
         let rods = std::slice::from_ref(rod);
-        let arrival = Arrival::default();
+        let pace = Pace::of(rods, &Arrival::default());
         let chain = Chain::new(rod, ORDER);
         let mut ahead = Ahead::<R> {
-            one: Filter::new(rods, Noise::default(), &arrival, Learning::default()),
-            filter: Filter::new(rods, Noise::default(), &arrival, Learning::default()),
+            one: Filter::new(rods, Noise::default(), pace, Learning::default()),
+            filter: Filter::new(rods, Noise::default(), pace, Learning::default()),
             shape: chain.shape(),
             limit: rod.torque_limit,
             dt: rod.control_dt,

@@ -5,6 +5,8 @@ use super::{ProcessNoise, RodDesign, ThesisDesign, Weights, upright};
 use crate::controller::Controller;
 use crate::error::Result;
 use crate::linalg::{dare, sample_cost};
+use crate::saved;
+use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
 /// The hybrid state feedback of thesis 4.2, made for a held torque: within 60 degrees of up (base
@@ -12,7 +14,7 @@ use std::f64::consts::PI;
 /// choice is made anew at every step.
 ///
 /// Observation: cos, sin, rate / (10 rad/s) of every edge. State: time since the episode began \[s\].
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct HybridLqr {
     rod: RodDesign,
     weights: Weights,
@@ -127,6 +129,9 @@ impl Controller for HybridLqr {
             ("swing_frequency", self.swing_frequency),
         ]);
         named
+    }
+    fn numbers(&self) -> Option<Vec<u8>> {
+        saved::written(self)
     }
     fn start(&self, _observation: &[f32], state: &mut [f64]) {
         state[0] = 0.0;

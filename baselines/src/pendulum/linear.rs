@@ -2,6 +2,7 @@
 
 use super::RodDesign;
 use nalgebra::DMatrix;
+use serde::{Deserialize, Serialize};
 
 /// z' = A z + B u, y = C z.
 #[derive(Clone, Debug, PartialEq)]
@@ -15,7 +16,7 @@ pub struct LinearModel {
 }
 
 /// Weights of the regulator's cost, thesis (4.14).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Weights {
     /// Q_theta, on every angle \[1/rad^2\].
     pub angle: f64,

@@ -1,12 +1,15 @@
 //! Output feedback: the extended Kalman filter from the episode's first sample, the regulator on its
 //! estimate.
 
-use super::filter::{Belief, Filter, Learning};
+use super::belief::Belief;
+use super::filter::{Filter, Learning, Pace};
 use super::rods::{ORDER, STATE};
 use super::{Arrival, Chain, Noise, Regulator, RodDesign, gentle_weights};
 use crate::controller::Controller;
 use crate::error::{Error, Result};
 use crate::registry::Target;
+use crate::saved;
+use serde::{Deserialize, Serialize};
 
 /// Swing-up and balance from base angle and rate.
 ///
@@ -14,10 +17,25 @@ use crate::registry::Target;
 /// State: steps taken, the regulator's clock \[s\], actions on their way, the filter's belief.
 #[derive(Clone, Debug)]
 pub struct Lqg {
-    regulator: Regulator,
+    numbers: Numbers,
     filter: Filter<f64>,
+}
+
+/// What a design comes to.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Numbers {
+    regulator: Regulator,
     noise: Noise,
     arrival: Arrival,
+    pace: Pace,
+}
+
+impl From<Numbers> for Lqg {
+    fn from(numbers: Numbers) -> Self {
+        let rod = numbers.regulator.chain().rod().clone();
+        let filter = Filter::new(&[rod], numbers.noise, numbers.pace, Learning::default());
+        Lqg { numbers, filter }
+    }
 }
 
 impl Lqg {
@@ -28,8 +46,16 @@ impl Lqg {
     pub fn new(rod: RodDesign, noise: Noise, arrival: Arrival) -> Result<Self> {
         rod.check()?;
         let regulator = Regulator::new(Chain::new(&rod, ORDER), gentle_weights(&rod))?;
-        let filter = Filter::new(&[rod], noise, &arrival, Learning::default());
-        Ok(Lqg { regulator, filter, noise, arrival })
+        let pace = Pace::of(&[rod], &arrival);
+        Ok(Numbers { regulator, noise, arrival, pace }.into())
+    }
+
+    /// Reads what `Controller::numbers` wrote.
+    ///
+    /// # Errors
+    /// Bytes of something else.
+    pub fn from_numbers(bytes: &[u8]) -> Result<Self> {
+        saved::read::<Numbers>(bytes).map(Lqg::from)
     }
 
     /// Designs the controller for an environment.
@@ -45,7 +71,7 @@ impl Lqg {
 
     /// The feedback law.
     pub fn regulator(&self) -> &Regulator {
-        &self.regulator
+        &self.numbers.regulator
     }
 }
 
@@ -75,29 +101,32 @@ impl Controller for Lqg {
         3
     }
     fn state_size(&self) -> usize {
-        2 + self.arrival.memory() + Belief::<f64>::SIZE
+        2 + self.numbers.arrival.memory() + Belief::<f64>::SIZE
     }
     fn takes_lost_samples(&self) -> bool {
         true
     }
     fn parameters(&self) -> Vec<(&'static str, f64)> {
-        [self.regulator.parameters(), self.noise.by_name()].concat()
+        [self.numbers.regulator.parameters(), self.numbers.noise.by_name()].concat()
+    }
+    fn numbers(&self) -> Option<Vec<u8>> {
+        saved::written(&self.numbers)
     }
     fn start(&self, observation: &[f32], state: &mut [f64]) {
         state.fill(0.0);
-        state[1] = self.regulator.start();
+        state[1] = self.numbers.regulator.start();
         let (angle, rate) = measured(observation).unwrap_or((0.0, 0.0));
-        let memory = &mut state[2 + self.arrival.memory()..];
+        let memory = &mut state[2 + self.numbers.arrival.memory()..];
         self.filter.start(angle, rate).write(memory);
     }
     fn act(&self, observation: &[f32], state: &mut [f64], action: &mut [f32]) {
         let (law, memory) = state.split_at_mut(2);
-        let (actions, memory) = memory.split_at_mut(self.arrival.memory());
+        let (actions, memory) = memory.split_at_mut(self.numbers.arrival.memory());
         let [steps, clock] = law else { unreachable!("split at two") };
-        let limit = self.regulator.chain().rod().torque_limit;
+        let limit = self.numbers.regulator.chain().rod().torque_limit;
         let mut belief = Belief::read(memory);
         if *steps > 0.0 {
-            let torques = self.arrival.acting(actions).map(|action| action * limit);
+            let torques = self.numbers.arrival.acting(actions).map(|action| action * limit);
             self.filter.predict(torques, &mut belief);
         }
         *steps += 1.0;
@@ -111,11 +140,11 @@ impl Controller for Lqg {
             belief = self.filter.start(angle, rate);
         }
         belief.write(memory);
-        let mean = self.filter.forecast(&belief, &self.arrival, actions, limit);
+        let mean = self.filter.forecast(&belief, &self.numbers.arrival, actions, limit);
         let mut x = [0.0; STATE];
         let n = self.filter.rods().lane(&mean, 0, &mut x);
-        let torque = self.regulator.torque(&x[..n], clock);
+        let torque = self.numbers.regulator.torque(&x[..n], clock);
         action[0] = (torque / limit).clamp(-1.0, 1.0) as f32;
-        self.arrival.push(f64::from(action[0]), actions);
+        self.numbers.arrival.push(f64::from(action[0]), actions);
     }
 }

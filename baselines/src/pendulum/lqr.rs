@@ -3,11 +3,13 @@
 use super::{Chain, ORDER, RATE_SCALE, Regulator, RodDesign, gentle_weights};
 use crate::controller::Controller;
 use crate::error::{Error, Result};
+use crate::saved;
+use serde::{Deserialize, Serialize};
 
 /// Swing-up and balance from the whole state.
 ///
 /// Observation: cos, sin, rate / (10 rad/s) of every edge. State: the regulator's clock \[s\].
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Lqr {
     regulator: Regulator,
 }
@@ -39,21 +41,25 @@ impl Lqr {
     }
 }
 
-/// Coordinates and rates of an observation, the angle followed along the rod.
-pub(super) fn state_of(chain: &Chain, observation: &[f32]) -> Vec<f64> {
+/// Coordinates, then rates, of an observation, the angle followed along the rod: two for each coordinate of the chain,
+/// then zeros.
+pub(super) fn state_of(chain: &Chain, observation: &[f32]) -> [f64; 2 * ORDER] {
     let n = chain.edges();
     let edge = |i: usize| (observation[i] as f64, observation[n + i] as f64);
-    let mut angles = Vec::with_capacity(n);
     let (cos, sin) = edge(0);
-    angles.push(libm::atan2(sin, cos));
-    for i in 1..n {
-        let ((c0, s0), (c1, s1)) = (edge(i - 1), edge(i));
-        angles.push(angles[i - 1] + libm::atan2(c0 * s1 - s0 * c1, c0 * c1 + s0 * s1));
-    }
-    let rates: Vec<f64> =
-        observation[2 * n..].iter().map(|rate| *rate as f64 * RATE_SCALE).collect();
-    let mut state = chain.coordinates_of(&angles);
-    state.extend(chain.coordinates_of(&rates));
+    let mut angle = libm::atan2(sin, cos);
+    let angles = (0..n).map(|i| {
+        if i > 0 {
+            let ((c0, s0), (c1, s1)) = (edge(i - 1), edge(i));
+            angle += libm::atan2(c0 * s1 - s0 * c1, c0 * c1 + s0 * s1);
+        }
+        angle
+    });
+    let mut state = [0.0; 2 * ORDER];
+    let (q, rates) = state.split_at_mut(chain.coordinates());
+    chain.project(angles, q);
+    let measured = observation[2 * n..].iter().map(|rate| *rate as f64 * RATE_SCALE);
+    chain.project(measured, &mut rates[..chain.coordinates()]);
     state
 }
 
@@ -86,12 +92,16 @@ impl Controller for Lqr {
     fn parameters(&self) -> Vec<(&'static str, f64)> {
         self.regulator.parameters()
     }
+    fn numbers(&self) -> Option<Vec<u8>> {
+        saved::written(self)
+    }
     fn start(&self, _observation: &[f32], state: &mut [f64]) {
         state[0] = self.regulator.start();
     }
     fn act(&self, observation: &[f32], state: &mut [f64], action: &mut [f32]) {
-        let torque =
-            self.regulator.torque(&state_of(self.regulator.chain(), observation), &mut state[0]);
+        let chain = self.regulator.chain();
+        let x = state_of(chain, observation);
+        let torque = self.regulator.torque(&x[..2 * chain.coordinates()], &mut state[0]);
         let limit = self.regulator.chain().rod().torque_limit;
         action[0] = (torque / limit).clamp(-1.0, 1.0) as f32;
     }

@@ -4,6 +4,7 @@ mod adaptive;
 mod analysis;
 mod arrival;
 mod bank;
+mod belief;
 mod chain;
 mod design;
 mod filter;

@@ -1,6 +1,7 @@
 //! Predictive control: at every step a plan for the next second or two is bettered, and its first action taken.
 
-use super::filter::{Belief, Filter, Learning};
+use super::belief::Belief;
+use super::filter::{Filter, Learning, Pace};
 use super::foresight::{Foresight, Plan, foresight};
 use super::lqg::{measured, needs_base};
 use super::lqr::{needs_every_edge, state_of};
@@ -66,7 +67,10 @@ impl Mpc {
             regulator: Regulator::new(Chain::new(&rod, ORDER), gentle_weights(&rod))?,
             foresight: foresight(&rod)?,
             steps: ((AHEAD / rod.control_dt) as usize).clamp(STEPS.0, STEPS.1),
-            filter: Filter::new(&[rod], noise, &arrival, Learning::default()),
+            filter: {
+                let pace = Pace::of(&[rod.clone()], &arrival);
+                Filter::new(&[rod], noise, pace, Learning::default())
+            },
             arrival,
             sees_all,
         })
@@ -94,11 +98,11 @@ impl Mpc {
         let mut belief;
         if self.sees_all {
             let x = state_of(self.regulator.chain(), observation);
-            let k = x.len() / 2;
+            let k = self.regulator.chain().coordinates();
             belief = self.filter.start(0.0, 0.0);
             belief.mean = [0.0; STATE];
             belief.mean[..k].copy_from_slice(&x[..k]);
-            belief.mean[ORDER..ORDER + k].copy_from_slice(&x[k..]);
+            belief.mean[ORDER..ORDER + k].copy_from_slice(&x[k..2 * k]);
         } else {
             belief = Belief::read(row.belief);
             if *row.taken > 0.0 {

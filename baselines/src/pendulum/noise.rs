@@ -1,9 +1,10 @@
 //! What a filter believes of noise and start.
 
+use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 /// What the filter believes of noise and start.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Noise {
     /// Standard deviation of the measured base angle \[rad\].
     pub angle: f64,

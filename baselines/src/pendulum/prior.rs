@@ -8,6 +8,7 @@ use super::RodDesign;
 use crate::error::Result;
 use rodgym_core::draw::Draw;
 use rodgym_core::pendulum::PARAMETERS;
+use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 /// Factors of stiffness over mass that are believed possible where an environment draws nothing: those of a
@@ -19,7 +20,7 @@ const MASS: (f64, f64) = (0.56, 1.7);
 const KNOWN: f64 = 0.01;
 
 /// Where rods may be: a box about a rod in its middle.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Prior {
     /// The rod in the middle.
     pub middle: RodDesign,

@@ -10,6 +10,7 @@ use super::{Chain, MAX_COORDINATES, RodDesign, Weights};
 use crate::error::Result;
 use crate::linalg::{dare, sample_cost};
 use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
 /// Gravity \[m/s^2\] that sets the law's pace and its torque where there is less. The swing of a rod in
@@ -58,7 +59,7 @@ fn pace(rod: &RodDesign) -> f64 {
 }
 
 /// Feedback from the coordinates of a reduced chain to base torque.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Regulator {
     chain: Chain,
     weights: Weights,

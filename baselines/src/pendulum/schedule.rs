@@ -4,6 +4,7 @@ use super::prior::Prior;
 use super::rods::ORDER;
 use super::{Chain, Regulator, gentle_weights};
 use crate::error::Result;
+use serde::{Deserialize, Serialize};
 
 /// Distance of the table's entries \[logarithm of stiffness over mass, of mass\].
 const STEP: [f64; 2] = [0.14, 0.3];
@@ -11,7 +12,7 @@ const STEP: [f64; 2] = [0.14, 0.3];
 const BEYOND: f64 = 0.2;
 
 /// Regulators on a grid.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Schedule {
     low: [f64; 2],
     step: [f64; 2],

@@ -6,15 +6,17 @@ use super::{ProcessNoise, RodDesign, ThesisDesign, Weights};
 use crate::controller::Controller;
 use crate::error::Result;
 use crate::linalg::sample;
-use nalgebra::{DMatrix, DVector};
+use crate::saved;
+use nalgebra::{DMatrix, DVector, DVectorView};
+use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
 
 /// Thesis 4.3 on a real motor: the continuous gains, the observer integrated exactly over a control
 /// period with torque and measurement held. It does not hold the rod; it is here to be compared with.
 ///
 /// Observation: cos, sin, rate / (10 rad/s) of the base edge. State: time \[s\], 1 while the observer
-/// runs, the estimate of z.
-#[derive(Clone, Debug)]
+/// runs, the estimate of z, room for the next.
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct ThesisLqg {
     rod: RodDesign,
     gain: DVector<f64>,
@@ -56,7 +58,10 @@ impl Controller for ThesisLqg {
         3
     }
     fn state_size(&self) -> usize {
-        2 + self.gain.len()
+        2 + 2 * self.gain.len()
+    }
+    fn numbers(&self) -> Option<Vec<u8>> {
+        saved::written(self)
     }
     fn parameters(&self) -> Vec<(&'static str, f64)> {
         // Those of `ThesisDesign`.
@@ -75,7 +80,8 @@ impl Controller for ThesisLqg {
         let (angle, rate) = measured(observation).unwrap_or((0.0, 0.0));
         let from_up = angle - PI;
         let from_up = if from_up <= -PI { from_up + TAU } else { from_up };
-        let (clock, estimate) = state.split_at_mut(2);
+        let (clock, estimates) = state.split_at_mut(2);
+        let (estimate, next) = estimates.split_at_mut(self.gain.len());
         let limit = self.rod.torque_limit;
         let torque = if from_up.abs() >= SWITCH_ANGLE {
             clock[1] = 0.0;
@@ -87,10 +93,16 @@ impl Controller for ThesisLqg {
                 estimate[..edges].fill(from_up);
                 estimate[edges..].fill(rate);
             }
-            let z = DVector::from_column_slice(estimate);
+            let z = DVectorView::from_slice(estimate, self.gain.len());
             let torque = (-self.gain.dot(&z)).clamp(-limit, limit);
-            let driven = &self.input * DVector::from_vec(vec![torque, from_up, rate]);
-            estimate.copy_from_slice((&self.transition * z + driven).as_slice());
+            let driven = [torque, from_up, rate];
+            for (i, next) in next.iter_mut().enumerate() {
+                let row = |m: &DMatrix<f64>, x: &[f64]| -> f64 {
+                    x.iter().enumerate().map(|(j, x)| m[(i, j)] * x).sum()
+                };
+                *next = row(&self.transition, estimate) + row(&self.input, &driven);
+            }
+            estimate.copy_from_slice(next);
             torque
         };
         action[0] = (torque / limit).clamp(-1.0, 1.0) as f32;

@@ -4,10 +4,11 @@ use super::geometry::Geometry;
 use super::sim::BareFin;
 use crate::error::Result;
 use crate::simulation::Simulation;
+use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
 /// Shape of a periodic pitch command, between -1 and 1.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Waveform {
     /// `sin`.
     Sine,

@@ -8,6 +8,7 @@ pub const DAMPER: Entry = Entry {
     name: "damper",
     machine: "bead",
     design: |target| Ok(Box::new(Damper { size: target.observation.size() })),
+    read: None,
 };
 
 /// Pushes against the velocity.

@@ -9,6 +9,7 @@ The control laws are Rust (crate rodgym-baselines); this package gives them NumP
 from rodgym._native import analyse, care, dare, thesis_run, upright
 from rodgym.baselines.controller import (
     CONTROLLERS,
+    AdaptiveGait,
     Controller,
     Gait,
     HybridLqr,
@@ -18,11 +19,13 @@ from rodgym.baselines.controller import (
     Mpc,
     ThesisLqg,
     ThesisLqr,
+    load,
     make,
 )
 
 __all__ = [
     "CONTROLLERS",
+    "AdaptiveGait",
     "Controller",
     "Gait",
     "HybridLqr",
@@ -35,6 +38,7 @@ __all__ = [
     "analyse",
     "care",
     "dare",
+    "load",
     "make",
     "thesis_run",
     "upright",

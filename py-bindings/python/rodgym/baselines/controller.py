@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
@@ -63,8 +65,6 @@ class Controller:
     def __init__(self, spec: dict[str, Any]) -> None:
         """Designs the law for an environment's `core_spec` (see `for_env`)."""
         self._native = _native.Controller(self.name, spec)
-        #: Names of the physical parameters.
-        self._physical = [parameter["name"] for parameter in spec.get("parameters", ())]
 
     @classmethod
     def for_env(cls: type[Self], env: Any) -> Self:
@@ -88,7 +88,7 @@ class Controller:
         """Physical parameters that it was designed for, by keyword: values, or the range from which
         they were drawn when it was found by playing.
         """
-        values = {name: self.config[name] for name in self._physical}
+        values = {name: self.config[name] for name in self._native.physical}
         return {**values, **(self.config.get("randomize") or {})} if self.plays else values
 
     @property
@@ -116,6 +116,17 @@ class Controller:
                 f"{self!r} needs observations of {self._native.observation_size} numbers, but this "
                 f"environment shows {size}"
             )
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Writes every number of the design to a file: for `load`, and for programs in C
+        (docs/motor.md).
+
+        Raises:
+            ParameterError: a controller of another package, which cannot be saved.
+        """
+        path = Path(path)
+        path.write_bytes(self._native.save())
+        return path
 
     @property
     def state_size(self) -> int:
@@ -172,6 +183,25 @@ class Controller:
         return f"{type(self).__name__}({made_for})"
 
 
+class _Learner(Controller):
+    """A law that finds out what its machine is like while it moves it."""
+
+    learns = True
+
+    def estimate(self, state: State) -> dict[str, npt.NDArray[np.float64]]:
+        """What it has found out.
+
+        Arguments:
+            state: what `predict` returned last, (n, state_size).
+
+        Returns:
+            By name an array (n, 3): best value, and the ends of the interval that holds the truth
+            in nine of ten episodes.
+        """
+        told = self._native.estimate(np.atleast_2d(numbers("state", state)))
+        return {name: values for name, (_, values) in told.items()}
+
+
 class Lqr(Controller):
     """State feedback that swings up and balances: a sampled regulator with a large basin.
 
@@ -204,31 +234,19 @@ class Lqg(Controller):
     title = "LQG"
 
 
-class LqgAdaptive(Controller):
+class LqgAdaptive(_Learner):
     """Output feedback of a rod that is only roughly known: eight filters that learn it.
 
     The rods that it believes possible are those that the environment draws (`randomize`); where it
     draws none, those about the nominal one. Of these it learns stiffness and mass. Sees what `Lqg`
     sees.
+
+    `estimate` tells `bending_stiffness` E I [N m^2] and `mass` [kg], and `youngs_modulus` [Pa] and
+    `width` [m] where the density is known.
     """
 
     name = "lqg-adaptive"
     title = "adaptive LQG"
-    learns = True
-
-    def estimate(self, state: State) -> dict[str, npt.NDArray[np.float64]]:
-        """What it has found out of the rod.
-
-        Arguments:
-            state: what `predict` returned last, (n, state_size).
-
-        Returns:
-            By name an array (n, 3): best value, and the ends of the interval that holds the truth
-            in nine of ten episodes. `bending_stiffness` E I [N m^2] and `mass` [kg] are always
-            there; `youngs_modulus` [Pa] and `width` [m] where the density is known.
-        """
-        told = self._native.estimate(np.atleast_2d(numbers("state", state)))
-        return {name: values for name, (_, values) in told.items()}
 
 
 class Mpc(Controller):
@@ -310,6 +328,22 @@ class TriangleGait(Gait):
     title = "triangle"
 
 
+class AdaptiveGait(_Learner):
+    """A sinusoid whose frequency and amplitude follow the stiffness that is felt.
+
+    The stiffnesses that it believes possible are those that the environment draws (`randomize`);
+    where it draws none, 0.3 to 3 times the nominal one. What fins of each feel like, and which gait
+    suits them, it learns by playing the environment (some ten seconds). It feels pitch, torque and
+    thrust (observation="full").
+
+    `estimate` tells `youngs_modulus` [Pa].
+    """
+
+    name = "gait-adaptive"
+    title = "adaptive gait"
+    plays = True
+
+
 #: Laws that have a class of their own; any other of the core is a plain `Controller`.
 _LAWS: tuple[type[Controller], ...] = (
     Lqr,
@@ -323,6 +357,7 @@ _LAWS: tuple[type[Controller], ...] = (
     SineGait,
     SquareGait,
     TriangleGait,
+    AdaptiveGait,
 )
 
 
@@ -343,3 +378,16 @@ def make(name: str, env: Any) -> Controller:
     if name not in CONTROLLERS:
         raise refused("controller", name, f"one of {', '.join(CONTROLLERS)}")
     return CONTROLLERS[name].for_env(env)
+
+
+def load(path: str | os.PathLike[str]) -> Controller:
+    """The controller of a file that `Controller.save` wrote; it takes the same bits.
+
+    Raises:
+        SnapshotError: not such a file, or one of another version.
+    """
+    native = _native.Controller.load(Path(path).read_bytes())
+    law = CONTROLLERS[native.name]
+    controller = law.__new__(law)
+    controller._native = native
+    return controller

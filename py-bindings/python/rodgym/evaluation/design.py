@@ -70,7 +70,9 @@ def designed(
     if isinstance(design, Mapping):
         return made(law, believed(spec, design)), design_text(design)
     if design == NOMINAL or (design in (EACH, DRAWN) and not drawn):
-        return made(law, with_parameters(spec, {}) if law.plays else spec), NOMINAL
+        # (What an environment draws is what a law that learns believes possible.)
+        found = law.plays and not law.learns
+        return made(law, with_parameters(spec, {}) if found else spec), NOMINAL
     if design == DRAWN and law.plays:
         return made(law, spec), DRAWN
     if design == EACH:
@@ -83,7 +85,7 @@ def made(law: type[Controller], spec: Mapping[str, Any]) -> Controller:
     """A controller for a spec; one that is found by playing is found once and kept."""
     if not law.plays:
         return law(dict(spec))
-    needed = ("id", "machine", "config", "observation", "parameters")
+    needed = ("id", "machine", "config", "observation", "action", "parameters")
     return _found(law.name, json.dumps({name: spec[name] for name in needed}, sort_keys=True))
 
 

@@ -5,21 +5,20 @@
 //! meeting the same fins (`SEEDS`). The search is part of `for_target`, so a gait is always the best for
 //! the keywords at hand.
 
+use super::play::{Episodes, STEPS};
 use crate::controller::Controller;
 use crate::error::Result;
+use crate::saved;
 use crate::target::Target;
-use rodgym_core::catalog::{MakeOptions, make};
-use rodgym_core::env::{AutoresetMode, ResetOptions, Seeds, StepBuffer};
 use rodgym_core::fin::cycle::Waveform;
 use rodgym_core::fin::sensors::THRUST_UNIT;
 use rodgym_core::fin::tasks::DEMAND;
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::f64::consts::TAU;
 
 /// Fins that every gait of the search meets.
 const SEEDS: usize = 8;
-/// Steps of the episodes of the search.
-const STEPS: u32 = 200;
 /// Demanded thrust at which a gait has its nominal amplitude \[N\]; thrust grows with its square.
 const USUAL_DEMAND: f64 = 0.1;
 /// Frequencies \[Hz\] of the first grid. Faster ones lie beyond what the model of the water holds for, and earn
@@ -31,7 +30,7 @@ const FASTEST: f64 = 5.0;
 const AMPLITUDES: [f64; 8] = [0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0];
 
 /// A periodic command.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Gait {
     /// Shape.
     pub waveform: Waveform,
@@ -55,7 +54,7 @@ impl Gait {
     pub fn for_target(waveform: Waveform, target: &Target) -> Result<Gait> {
         let control_dt = target.config.get("control_dt").and_then(Value::as_f64).unwrap_or(0.04);
         let observation_size = target.observation.size();
-        let demand = target.observation.names.iter().position(|name| name == DEMAND);
+        let demand = demand(target);
         let gait = |amplitude: f64, frequency: f64| Gait {
             waveform,
             amplitude,
@@ -106,30 +105,29 @@ impl Gait {
     }
 }
 
+/// Where an environment's observation has the thrust that is demanded, if anywhere.
+pub(super) fn demand(target: &Target) -> Option<usize> {
+    target.observation.names.iter().position(|name| name == DEMAND)
+}
+
+/// Factor of the amplitude for the thrust that is demanded.
+pub(super) fn demanded(demand: Option<usize>, observation: &[f32]) -> f64 {
+    demand.map_or(1.0, |at| {
+        libm::sqrt((f64::from(observation[at]) * THRUST_UNIT / USUAL_DEMAND).max(0.0))
+    })
+}
+
 /// Mean returns of gaits, each over the same `SEEDS` episodes.
 fn returns(target: &Target, gaits: &[Gait]) -> Result<Vec<f64>> {
-    let n = gaits.len() * SEEDS;
-    let mut env = make(&MakeOptions {
-        id: target.id.clone(),
-        num_envs: n,
-        kwargs: target.config.clone(),
-        autoreset_mode: AutoresetMode::NextStep,
-        max_episode_steps: None,
-        num_threads: 1,
-    })?;
-    let (d, mut out) = (env.spec().observation.size(), StepBuffer::new(env.spec(), n));
-    let seeds = Seeds::Each((0..n).map(|i| Some((i % SEEDS) as u64)).collect());
-    env.reset(&seeds, None, &ResetOptions::default(), out.data())?;
-    let mut clocks = vec![[0.0]; n];
-    let mut actions = vec![0.0; n];
+    let seeds = (0..gaits.len() * SEEDS).map(|i| (i % SEEDS) as u64);
+    let mut episodes = Episodes::new(target, seeds)?;
+    let mut clocks = vec![[0.0]; episodes.count()];
     let mut sums = vec![0.0; gaits.len()];
     for _ in 0..STEPS {
-        for i in 0..n {
-            let observation = &out.observation[i * d..(i + 1) * d];
-            gaits[i / SEEDS].act(observation, &mut clocks[i], &mut actions[i..=i]);
-        }
-        env.step(&actions, out.data())?;
-        for (i, reward) in out.reward.iter().enumerate() {
+        let rewards = episodes.step(|i, observation, action| {
+            gaits[i / SEEDS].act(observation, &mut clocks[i], action);
+        })?;
+        for (i, reward) in rewards.iter().enumerate() {
             sums[i / SEEDS] += reward / SEEDS as f64;
         }
     }
@@ -145,16 +143,17 @@ impl Controller for Gait {
         1
     }
 
+    fn numbers(&self) -> Option<Vec<u8>> {
+        saved::written(self)
+    }
+
     fn start(&self, _observation: &[f32], state: &mut [f64]) {
         state[0] = 0.0;
     }
 
     fn act(&self, observation: &[f32], state: &mut [f64], action: &mut [f32]) {
         let phase = TAU * self.frequency * self.control_dt * state[0];
-        let scale = self.demand.map_or(1.0, |at| {
-            libm::sqrt((f64::from(observation[at]) * THRUST_UNIT / USUAL_DEMAND).max(0.0))
-        });
-        let command = scale * self.amplitude * self.waveform.at(phase);
+        let command = demanded(self.demand, observation) * self.amplitude * self.waveform.at(phase);
         action[0] = command.clamp(-1.0, 1.0) as f32;
         state[0] += 1.0;
     }
