@@ -37,6 +37,7 @@ pub struct LqgAdaptive {
     places: [[f64; 2]; LANES],
     bank: Box<dyn Bank>,
     schedule: Schedule,
+    noise: Noise,
     arrival: Arrival,
 }
 
@@ -75,7 +76,7 @@ impl LqgAdaptive {
         let rods = places.map(|place| prior.rod(place));
         let bank = bank(&rods, noise, &arrival, learning)?;
         let schedule = Schedule::new(&prior)?;
-        Ok(LqgAdaptive { prior, places, bank, schedule, arrival })
+        Ok(LqgAdaptive { prior, places, bank, schedule, noise, arrival })
     }
 
     /// Designs the controller for an environment: the rods that it draws, or those about its nominal one.
@@ -118,6 +119,9 @@ impl Controller for LqgAdaptive {
     }
     fn takes_lost_samples(&self) -> bool {
         true
+    }
+    fn parameters(&self) -> Vec<(&'static str, f64)> {
+        [self.schedule.first().parameters(), self.noise.by_name()].concat()
     }
     fn start(&self, observation: &[f32], state: &mut [f64]) {
         state.fill(0.0);

@@ -33,6 +33,15 @@ impl Default for Weights {
 }
 
 impl Weights {
+    /// The weights by name, for reports.
+    pub fn by_name(&self) -> Vec<(&'static str, f64)> {
+        vec![
+            ("angle_weight", self.angle),
+            ("rate_weight", self.rate),
+            ("torque_weight", self.torque),
+        ]
+    }
+
     /// Q and R for a chain of `edges`.
     pub fn matrices(&self, edges: usize) -> (DMatrix<f64>, DMatrix<f64>) {
         let diagonal = |i: usize| if i < edges { self.angle } else { self.rate };

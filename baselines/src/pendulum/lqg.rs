@@ -16,6 +16,7 @@ use crate::registry::Target;
 pub struct Lqg {
     regulator: Regulator,
     filter: Filter<f64>,
+    noise: Noise,
     arrival: Arrival,
 }
 
@@ -28,7 +29,7 @@ impl Lqg {
         rod.check()?;
         let regulator = Regulator::new(Chain::new(&rod, ORDER), gentle_weights(&rod))?;
         let filter = Filter::new(&[rod], noise, &arrival, Learning::default());
-        Ok(Lqg { regulator, filter, arrival })
+        Ok(Lqg { regulator, filter, noise, arrival })
     }
 
     /// Designs the controller for an environment.
@@ -78,6 +79,9 @@ impl Controller for Lqg {
     }
     fn takes_lost_samples(&self) -> bool {
         true
+    }
+    fn parameters(&self) -> Vec<(&'static str, f64)> {
+        [self.regulator.parameters(), self.noise.by_name()].concat()
     }
     fn start(&self, observation: &[f32], state: &mut [f64]) {
         state.fill(0.0);

@@ -83,6 +83,9 @@ impl Controller for Lqr {
     fn state_size(&self) -> usize {
         1
     }
+    fn parameters(&self) -> Vec<(&'static str, f64)> {
+        self.regulator.parameters()
+    }
     fn start(&self, _observation: &[f32], state: &mut [f64]) {
         state[0] = self.regulator.start();
     }

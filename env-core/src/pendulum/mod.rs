@@ -246,6 +246,13 @@ impl Machine for Pendulum {
         Ok(derivative::variables(&self.config, plant, By::Vector, chosen))
     }
 
+    fn renew(&self, groups: &mut [Plant<Dual>], plant: &Plant<f64>) {
+        for group in groups {
+            group.pair(plant, &mut |to: &mut Dual, from: &f64| to.value = *from);
+            group.posture = group.take_posture();
+        }
+    }
+
     fn advance(&self, plant: &mut Plant<f64>, action: &[f64], stream: &mut Stream) -> Result<bool> {
         let told = self.told(action, stream);
         Ok(derivative::advance(&self.config, plant, told).is_some())

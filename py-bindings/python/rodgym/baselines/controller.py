@@ -93,8 +93,14 @@ class Controller:
 
     @property
     def parameters(self) -> dict[str, float]:
-        """What the design settled on, by name; of a gait `amplitude` (of the action), `frequency`
-        [Hz] and `found_return` (mean of the search).
+        """What the design settled on, by name.
+
+        Of a regulator the weights of its cost on angles [1/rad^2], rates [s^2/rad^2] and torque
+        [1/(N m)^2], and the most torque that it asks for [N m] or the thesis' swing-up [N m, rad/s]
+        and its switch [rad]; of a filter the standard deviations that it believes of base angle
+        [rad] and rate [rad/s], and the variances that it adds to every coordinate and rate at each
+        step; of a gait `amplitude` (of the action), `frequency` [Hz] and `found_return` (mean of
+        the search).
         """
         return self._native.parameters
 
