@@ -174,6 +174,10 @@ benchmark: extension ## long, hours: every learner and controller on every task,
 robustness: extension ## long: how far off rod, motor and sensors may be; refreshes docs/robustness.md
 	$(BIN)/python tests/long/robustness.py
 
+.PHONY: best-known
+best-known: extension ## long: searches for the best known actions of every width, writes docs/best-known.md; goes on where it was stopped
+	OMP_NUM_THREADS=1 $(BIN)/python tests/long/best_known.py
+
 .PHONY: distil
 distil: extension ## long: ten students of each recipe, writes the table of docs/distillation.md
 	$(BIN)/python tests/long/distil.py

@@ -88,12 +88,14 @@ def linked(text: str) -> str:
     return re.sub(r"(?<![\w/(])docs/([\w/-]+\.md)", r"[\1](\1)", text)
 
 
-def page(title: str, environment: type) -> str:
+def page(name: str, title: str, environment: type) -> str:
     """The page of a family."""
     text = inspect.getdoc(environment)
     assert text is not None
     note = "<!-- Written by docs/pages.py from the docstring. -->"
-    return f"{note}\n\n# {title}\n\n{linked(text.strip())}\n"
+    lead, _, rest = linked(text.strip()).partition("\n\n")
+    diagram, words = next(d for family, *d in FAMILIES.values() if family == name)
+    return f"{note}\n\n# {title}\n\n{lead}\n\n![{words}](images/{diagram})\n\n{rest}\n"
 
 
 def slug(env_id: str) -> str:
@@ -258,7 +260,7 @@ def with_code(text: str, sources: Path) -> str:
 
 def written() -> dict[Path, str]:
     """Every page that is written here, by its file."""
-    texts = {DOCS / name: page(title, kind) for name, title, kind in PAGES}
+    texts = {DOCS / name: page(name, title, kind) for name, title, kind in PAGES}
     for env_id in rodgym.ENVIRONMENTS:
         texts[ENVIRONMENTS / f"{slug(env_id)}.md"] = environment_page(env_id)
     texts[DOCS / "api" / "command-line.md"] = command_page()

@@ -3,7 +3,7 @@
 use crate::controller::Controller;
 use crate::error::{Error, Result, parameter};
 use crate::gait::Gait;
-use crate::pendulum::{HybridLqr, Lqg, LqgAdaptive, Lqr, RodDesign, ThesisLqg};
+use crate::pendulum::{HybridLqr, Lqg, LqgAdaptive, Lqr, Mpc, RodDesign, ThesisLqg};
 pub use crate::target::Target;
 use rodgym_core::fin::cycle::Waveform;
 use std::sync::{PoisonError, RwLock};
@@ -27,6 +27,7 @@ const OURS: &[Entry] = &[
     }),
     pendulum("lqg", |target| boxed(Lqg::for_target(target))),
     pendulum("lqg-adaptive", |target| boxed(LqgAdaptive::for_target(target))),
+    pendulum("mpc", |target| boxed(Mpc::for_target(target))),
     pendulum("thesis-lqr", |target| {
         boxed(HybridLqr::literal_for_target(rod(target)?, target.observation.size()))
     }),

@@ -8,6 +8,7 @@ pub use crate::scene::{NodeState, Scene};
 pub use crate::settings::Settings;
 pub use crate::spec::{Space, Spec};
 
+use crate::batch::Rehearsal;
 use crate::error::Result;
 use crate::simulation::{Named, Simulation, no_derivatives};
 use std::any::Any;
@@ -139,6 +140,13 @@ pub trait VectorEnv: Send {
         let rows = rows(actions, self.num_envs());
         let each = rows.map(|(i, row)| self.rollout_gradient(i, row, parameters));
         Ok(Named::stack(each.collect::<Result<_>>()?))
+    }
+    /// A copy of environment `index` to try actions on, which leaves the environment alone.
+    ///
+    /// # Errors
+    /// An environment that was never reset, a machine without derivatives.
+    fn rehearsal(&self, _index: usize) -> Result<Box<dyn Rehearsal>> {
+        Err(no_derivatives(self.spec().machine))
     }
     /// An exact copy of what runs in environment `index`: stepping it leaves the environment alone, and the next
     /// step of both has the same bits.

@@ -53,8 +53,8 @@ pub struct Batch {
     options: MakeOptions,
 }
 
-struct Inner {
-    env: Box<dyn VectorEnv>,
+pub(crate) struct Inner {
+    pub(crate) env: Box<dyn VectorEnv>,
     /// Actions of the step being taken: the caller's array is not read once the GIL is released.
     actions: Vec<f32>,
     /// Results of the one environment of mode Single; empty otherwise.
@@ -480,7 +480,7 @@ impl Batch {
     }
 
     /// The batch, waiting without the GIL while another thread steps it.
-    fn lock(&self, py: Python<'_>) -> PyResult<MutexGuard<'_, Inner>> {
+    pub(crate) fn lock(&self, py: Python<'_>) -> PyResult<MutexGuard<'_, Inner>> {
         self.inner.lock(py)
     }
 

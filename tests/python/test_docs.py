@@ -42,7 +42,7 @@ def test_docstrings(name):
 def test_environment_pages_are_those_of_the_docstrings():
     for name, title, environment in pages.PAGES:
         written = (ROOT / name).read_text()
-        assert written == pages.page(title, environment), "run python docs/pages.py"
+        assert written == pages.page(name, title, environment), "run python docs/pages.py"
 
 
 @pytest.mark.parametrize(("page", "env_id"), [("pendulum.md", SWING_UP), ("fin.md", THRUST)])

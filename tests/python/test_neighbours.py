@@ -8,14 +8,19 @@ from __future__ import annotations
 
 import importlib
 import os
+import runpy
 import subprocess
 import sys
+from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
 import pytest
+import rodgym
 
 SWING_UP = "rodgym/PendulumSwingUp-v0"
+#: What LeRobot loads from a repository.
+HUB = Path(__file__).parents[2] / "packaging" / "envhub" / "env.py"
 
 pytestmark = pytest.mark.filterwarnings("ignore")
 
@@ -37,7 +42,7 @@ def test_torchrl_rolls_out_single_environments_and_native_batches():
 
 
 def test_minari_collects_episodes_with_their_infos(tmp_path, monkeypatch):
-    minari = need("minari")
+    minari, _ = need("minari"), need("jax")  # Its collector needs JAX.
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
     env = minari.DataCollector(gym.make(SWING_UP, max_episode_steps=15), record_infos=True)
     for seed in range(2):
@@ -45,6 +50,7 @@ def test_minari_collects_episodes_with_their_infos(tmp_path, monkeypatch):
         for _ in range(15):
             env.step(env.action_space.sample())
     data = env.create_dataset(dataset_id="rodgym/random-v0", algorithm_name="random")
+    env.close()
     assert data.total_episodes == 2 and data.total_steps == 30
     assert {"tip_height", "reward_terms"} <= set(data[0].infos)
     assert data.recover_environment().spec.id == SWING_UP
@@ -103,3 +109,20 @@ def test_rl_zoo3_trains_by_its_own_command_line(tmp_path):
     ran = subprocess.run(command, cwd=tmp_path, text=True, capture_output=True)
     assert ran.returncode == 0, ran.stderr[-2000:]
     assert list(tmp_path.rglob("*.zip"))
+
+
+def test_what_is_handed_to_the_hub_makes_every_environment(monkeypatch):
+    """EnvHub calls `make_env` of a file; it needs no package of LeRobot's."""
+    names = runpy.run_path(str(HUB))
+    suites = names["make_env"](n_envs=2)
+    assert [env.spec.id for env in suites["rodgym"].values()] == list(rodgym.ENVIRONMENTS)
+    for env in suites["rodgym"].values():
+        env.reset(seed=0)
+        assert env.step(np.zeros((2, 1)))[1].shape == (2,)
+    monkeypatch.setenv("RODGYM_TASK", SWING_UP)
+    (env,) = names["make_env"]()["rodgym"].values()
+    for _ in range(2):
+        env.reset(seed=0)
+        for _ in range(env.max_episode_steps):
+            *_, infos = env.step(np.zeros((1, 1)))
+        assert infos["final_info"]["tip_height"].shape == (1,)

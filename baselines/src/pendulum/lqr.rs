@@ -37,25 +37,24 @@ impl Lqr {
     pub fn regulator(&self) -> &Regulator {
         &self.regulator
     }
+}
 
-    /// Coordinates and rates of an observation, the angle followed along the rod.
-    fn state_of(&self, observation: &[f32]) -> Vec<f64> {
-        let chain = self.regulator.chain();
-        let n = chain.edges();
-        let edge = |i: usize| (observation[i] as f64, observation[n + i] as f64);
-        let mut angles = Vec::with_capacity(n);
-        let (cos, sin) = edge(0);
-        angles.push(libm::atan2(sin, cos));
-        for i in 1..n {
-            let ((c0, s0), (c1, s1)) = (edge(i - 1), edge(i));
-            angles.push(angles[i - 1] + libm::atan2(c0 * s1 - s0 * c1, c0 * c1 + s0 * s1));
-        }
-        let rates: Vec<f64> =
-            observation[2 * n..].iter().map(|rate| *rate as f64 * RATE_SCALE).collect();
-        let mut state = chain.coordinates_of(&angles);
-        state.extend(chain.coordinates_of(&rates));
-        state
+/// Coordinates and rates of an observation, the angle followed along the rod.
+pub(super) fn state_of(chain: &Chain, observation: &[f32]) -> Vec<f64> {
+    let n = chain.edges();
+    let edge = |i: usize| (observation[i] as f64, observation[n + i] as f64);
+    let mut angles = Vec::with_capacity(n);
+    let (cos, sin) = edge(0);
+    angles.push(libm::atan2(sin, cos));
+    for i in 1..n {
+        let ((c0, s0), (c1, s1)) = (edge(i - 1), edge(i));
+        angles.push(angles[i - 1] + libm::atan2(c0 * s1 - s0 * c1, c0 * c1 + s0 * s1));
     }
+    let rates: Vec<f64> =
+        observation[2 * n..].iter().map(|rate| *rate as f64 * RATE_SCALE).collect();
+    let mut state = chain.coordinates_of(&angles);
+    state.extend(chain.coordinates_of(&rates));
+    state
 }
 
 /// Refuses observations that are not those of every edge.
@@ -91,7 +90,8 @@ impl Controller for Lqr {
         state[0] = self.regulator.start();
     }
     fn act(&self, observation: &[f32], state: &mut [f64], action: &mut [f32]) {
-        let torque = self.regulator.torque(&self.state_of(observation), &mut state[0]);
+        let torque =
+            self.regulator.torque(&state_of(self.regulator.chain(), observation), &mut state[0]);
         let limit = self.regulator.chain().rod().torque_limit;
         action[0] = (torque / limit).clamp(-1.0, 1.0) as f32;
     }

@@ -128,7 +128,7 @@ impl<M: Machine, R: Real> Block<M, R> {
     }
 
     /// The plant and the random stream of one environment.
-    fn one(&self, machine: &M, lane: usize) -> Result<(M::Plant<f64>, Stream)> {
+    pub(super) fn one(&self, machine: &M, lane: usize) -> Result<(M::Plant<f64>, Stream)> {
         if !self.clocks[lane].begun {
             return Err(Error::NotReset);
         }

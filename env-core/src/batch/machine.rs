@@ -131,6 +131,30 @@ pub trait Machine: Clone + Send + Sync + Sized + 'static {
     ) -> Result<Option<Differentiated<Self::Plant<Dual>>>> {
         Err(no_derivatives(Self::NAME))
     }
+    /// As few numbers as the plant's future depends on, and no fewer: its vector, unless parts of that matter together.
+    ///
+    /// # Errors
+    /// A machine without derivatives.
+    fn essence(&self, plant: &Self::Plant<f64>) -> Result<Vec<f64>> {
+        self.vector(plant)
+    }
+    /// `differentiate` by the numbers of `essence`, which `next` then has; no parameters.
+    ///
+    /// # Errors
+    /// A machine without derivatives.
+    fn differentiate_essence(
+        &self,
+        plant: &Self::Plant<f64>,
+        action: &[f64],
+        stream: &mut Stream,
+    ) -> Result<Option<Differentiated<Self::Plant<Dual>>>> {
+        self.differentiate(plant, action, &[], stream)
+    }
+    /// Positions \[m\], then velocities \[m/s\], of the nodes that move: what quadratic costs count. Empty where there are
+    /// none to choose.
+    fn coordinates<R: Real>(&self, _plant: &Self::Plant<R>) -> Vec<R> {
+        vec![]
+    }
     /// How many numbers, beside the state, its last control step is measured by: what sensors and tasks see and the next
     /// step does not depend on.
     fn measured(&self) -> usize {

@@ -7,9 +7,11 @@ mod block;
 mod derivative;
 mod machine;
 mod pool;
+mod rehearsal;
 mod task;
 
 pub use machine::{Differentiated, Gradient, Machine};
+pub use rehearsal::{Expansion, Rehearsal};
 pub use task::{Outcome, Scorer, Task};
 
 use crate::draw::Draw;
@@ -176,8 +178,9 @@ impl<M: Machine, R: Real> Batch<M, R> {
             isa,
         };
         let spec = spec::<T>(id, &machine);
-        let (task, task_of_slopes) = (Box::new(task.clone()), Box::new(task.clone()));
-        let env = Environment { machine, task, task_of_slopes, spec, rules };
+        let (task_of_slopes, task_of_one) = (Arc::new(task.clone()), Arc::new(task.clone()));
+        let task = Box::new(task.clone());
+        let env = Environment { machine, task, task_of_slopes, task_of_one, spec, rules };
         let block = |first| Block::new(&env, R::LANES.min(n - first), first as u64);
         let blocks: Vec<_> = (0..n).step_by(R::LANES).map(block).collect();
         let work = blocks[0].numbers() as f64 * n as f64 * env.machine.control_dt()
@@ -488,6 +491,11 @@ impl<M: Machine, R: Real> VectorEnv for Batch<M, R> {
         self.over_threads(actions, |batch, index, row| {
             batch.rollout_gradient(index, row, parameters)
         })
+    }
+
+    fn rehearsal(&self, index: usize) -> Result<Box<dyn Rehearsal>> {
+        let (block, lane) = self.place(index)?;
+        self.blocks[block].rehearsal(&self.env, lane)
     }
 
     fn simulation(&self, index: usize) -> Result<Box<dyn Simulation>> {

@@ -15,7 +15,7 @@ use crate::given::place;
 use crate::lane::{DIRECTIONS, Dual, Lanewise, Real};
 use crate::rod::Rod;
 use crate::simulation::{Named, Simulation};
-use crate::solver::{Carried, Integrator, Phase, Tape, carry, pull_back};
+use crate::solver::{Carried, Integrator, Phase, Scheme, Tape, carry, pull_back};
 use crate::watch::Watch;
 
 /// Physics steps that a tape of the bare pendulum holds at once.
@@ -189,11 +189,67 @@ pub fn plant_vector<R: Real>(config: &Config, plant: &Plant<R>) -> Vec<R> {
     all
 }
 
-/// A plant as it is, in groups of directions: by its vector, its last action and the parameters in these places.
-pub fn variables(config: &Config, plant: &Plant<f64>, chosen: &[usize]) -> Vec<Plant<Dual>> {
+/// The numbers by which a state is differentiated.
+#[derive(Clone, Copy, PartialEq)]
+pub enum By {
+    /// All of its vector.
+    Vector,
+    /// Those of `essence`.
+    Essence,
+}
+
+/// Whether velocity v and acceleration a matter to the next steps as v + a dt/2 alone, as the first half of a Verlet step
+/// has it.
+fn merges(config: &Config) -> bool {
+    config.scheme == Scheme::Verlet
+}
+
+/// The state as as few numbers as its future depends on: where `merges`, x and v + a dt/2 of every node, with the
+/// acceleration a that there is without a torque. Then the torques on their way.
+pub fn essence<R: Real>(config: &Config, plant: &Plant<R>) -> Vec<R> {
+    let mut all = plant_vector(config, plant);
+    if merges(config) {
+        let list = 2 * (config.nodes - 1);
+        let half = R::splat(0.5 * config.physics_dt);
+        for i in list..2 * list {
+            let kick = all[list + i] * half;
+            all[i] += kick;
+        }
+        all.drain(2 * list..3 * list);
+    }
+    all
+}
+
+/// Positions and velocities of the nodes that move.
+pub fn coordinates<R: Real>(config: &Config, plant: &Plant<R>) -> Vec<R> {
+    let mut all = vector(config.scheme, &plant.motion, &plant.integrator.past);
+    all.truncate(4 * (config.nodes - 1));
+    all
+}
+
+/// The state's numbers, of which those that it is differentiated by have the first directions; how many these are.
+fn directed(config: &Config, state: &[f64], by: By, group: usize) -> (Vec<Dual>, usize) {
+    if by == By::Vector || !merges(config) {
+        return (seeded(state, 0, group), state.len());
+    }
+    // By v a state changes as by v + a dt/2.
+    let list = 2 * (config.nodes - 1);
+    let mut seeds = seeded(&state[..2 * list], 0, group);
+    seeds.extend(state[2 * list..3 * list].iter().map(|&a| Dual::constant(a)));
+    seeds.extend(seeded(&state[3 * list..], 2 * list, group));
+    (seeds, state.len() - list)
+}
+
+/// A plant as it is, in groups of directions: by its state, its last action and the parameters in these places.
+pub fn variables(
+    config: &Config,
+    plant: &Plant<f64>,
+    by: By,
+    chosen: &[usize],
+) -> Vec<Plant<Dual>> {
     let state = plant_vector(config, plant);
-    let s = state.len();
-    let own = s - on_their_way(config);
+    let own = state.len() - on_their_way(config);
+    let s = directed(config, &state, by, 0).1;
     let memory = Plant::<Dual>::new(config);
     let mut groups = vec![memory; group_count(s + 1 + chosen.len())];
     for (group, dual) in groups.iter_mut().enumerate() {
@@ -201,9 +257,9 @@ pub fn variables(config: &Config, plant: &Plant<f64>, chosen: &[usize]) -> Vec<P
         let parameters = seeded_at(&plant.parameters, chosen, s + 1, group);
         dual.parameters.copy_from_slice(&parameters);
         uniform(config.nodes, &dual.parameters).shape(&mut dual.rod);
-        let seeds = seeded(&state, 0, group);
+        let (seeds, _) = directed(config, &state, by, group);
         set_vector(config.scheme, &seeds[..own], &mut dual.motion, &mut dual.integrator.past);
-        dual.commands[..s - own].copy_from_slice(&seeds[own..]);
+        dual.commands[..state.len() - own].copy_from_slice(&seeds[own..]);
         dual.action = seeded(&[plant.action], s, group)[0];
         dual.posture = dual.take_posture();
     }
@@ -244,10 +300,11 @@ pub fn differentiate(
     config: &Config,
     plant: &Plant<f64>,
     told: Told,
+    by: By,
     chosen: &[usize],
 ) -> Result<Option<Differentiated<Plant<Dual>>>> {
-    let mut plants = variables(config, plant, chosen);
-    let s = plant_vector(config, plant).len();
+    let mut plants = variables(config, plant, by, chosen);
+    let s = directed(config, &plant_vector(config, plant), by, 0).1;
     let mut torques = vec![vec![]; plants.len()];
     for (group, dual) in plants.iter_mut().enumerate() {
         let mut action = seeded(&[told.action], s, group)[0];
@@ -279,7 +336,11 @@ pub fn differentiate(
         dual.integrator.past.known = Dual::constant(values.integrator.past.known);
         dual.posture = dual.take_posture();
     }
-    let next = plants.iter().map(|dual| plant_vector(config, dual)).collect();
+    let next = plants.iter().map(|dual| match by {
+        By::Vector => plant_vector(config, dual),
+        By::Essence => essence(config, dual),
+    });
+    let next = next.collect();
     Ok(Some(Differentiated { next, plants }))
 }
 

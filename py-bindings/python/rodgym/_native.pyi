@@ -180,6 +180,27 @@ class Simulation:
     def __setstate__(self, state: tuple[list[float], int]) -> None: ...
 
 @final
+class Search:
+    """A search for the actions of an environment's next steps."""
+
+    def __new__(
+        cls,
+        batch: Batch,
+        index: int,
+        steps: int,
+        actions: npt.ArrayLike,
+        first: int = 15,
+        more: int = 20,
+        levels: int = 0,
+        quadratic: tuple[_Float, _Float, float, _Float] | None = None,
+    ) -> Search: ...
+    def iterate(self, seconds: float) -> dict[str, Any]: ...
+    @property
+    def actions(self) -> _Float: ...
+    @property
+    def rewards(self) -> _Float: ...
+
+@final
 class Gallery:
     """The painters of a batch: one for each environment that was ever drawn."""
 

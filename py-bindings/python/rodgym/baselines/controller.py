@@ -231,6 +231,19 @@ class LqgAdaptive(Controller):
         return {name: values for name, (_, values) in told.items()}
 
 
+class Mpc(Controller):
+    """Predictive control: at every step it betters a plan of the next 1.5 s and takes its first
+    action, within the motor's limits.
+
+    Plans are made on the model of `Lqg`, by iterated regulators on what the swing-up pays, and begin
+    with the last plan or with what `Lqr` would do. Sees every edge (observation="full"), or base
+    angle and rate only (observation="base"): then the filter of `Lqg` says where the rod is.
+    """
+
+    name = "mpc"
+    title = "MPC"
+
+
 class ThesisLqr(Controller):
     """The thesis' continuous gain, sampled and held: what becomes of it on a real motor.
 
@@ -303,6 +316,7 @@ _LAWS: tuple[type[Controller], ...] = (
     HybridLqr,
     Lqg,
     LqgAdaptive,
+    Mpc,
     ThesisLqr,
     ThesisLqg,
     Gait,

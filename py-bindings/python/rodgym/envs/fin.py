@@ -14,12 +14,14 @@ class FinEnv(RodEnv):
 
     ## Description
 
-    The silicone fin of the thesis (chapters 2 and 3): 140 mm long, 115 mm high, thick at its
-    nose and thin at its tail, in a slow flow. A servo pitches the edge behind the third node;
-    the rest follows as a planar discrete elastic rod of varying section. The water is an
-    improved Lighthill model: added mass that is part of the implicit step, momentum shed at the
-    tail, drag and friction. Equations and errata are in docs/physics.md. x points downstream;
-    thrust is positive upstream.
+    A fin of silicone sits in a slow flow. It is 140 mm long and 115 mm high, thick at its nose and
+    thin at its tail. A servo pitches it near the nose: it turns the edge behind the third node, and
+    the rest of the fin follows. This is the fin of T. T. Burch's thesis (2019, chapters 2 and 3).
+
+    The fin is modelled as a discrete elastic rod in a plane whose section varies. The water follows
+    an improved Lighthill model. It adds mass to the fin, takes momentum with it where it is shed at
+    the tail, and resists by drag and friction. x points downstream; thrust is positive upstream.
+    Equations and errata of the thesis are in docs/physics.md.
 
     | id | task | observation | episode |
     |---|---|---|---|
@@ -27,19 +29,23 @@ class FinEnv(RodEnv):
     | `rodgym/FinEfficiency-v0` | a demanded thrust at the least power | 28 | 200 steps |
     | `rodgym/FinSwim-v0` | swim forward with a hull, water at rest | 27 | 250 steps |
 
-    In `FinThrust` Young's modulus is drawn for each episode, log-uniform in [3e4, 3e6] Pa (about
-    the soft fin's 2.5e5 Pa), unless `youngs_modulus` or `randomize` is given: for a
-    fin that is known beforehand the best sinusoid comes within a few percent of the best
-    waveform; one that must be felt is worth controlling.
+    In `FinThrust` the stiffness of the fin, Young's modulus, is drawn anew for each episode:
+    log-uniform in [3e4, 3e6] Pa, which is about the soft fin's 2.5e5 Pa. If `youngs_modulus` or
+    `randomize` is given, that holds instead. The reason: for a fin that is known beforehand, the
+    best sinusoid comes within a few percent of the best waveform, and there is little to learn. A
+    fin that must be felt is worth controlling.
 
     ## Action Space
 
-    `Box(-1, 1, (1,), float32)`, held for `control_dt` (40 ms). Values beyond are clipped, NaN and
-    infinity are refused. A low-pass smooths the command (Butterworth, order ten, `command_cutoff`
-    3 Hz; it comes a third of a second later and overshoots a step by a sixth), and the servo
-    (second order, 40 rad/s, critically damped, at most 6 rad/s) follows what is left: 97 % of a
-    sine of 2 Hz, 63 % at 3 Hz, 5 % at 4 Hz, less than 1 % at 5 Hz and above, where the model of the
-    water does not hold.
+    `Box(-1, 1, (1,), float32)`. The action is held for one control step, `control_dt` (40 ms).
+    Values beyond the bounds are clipped. NaN and infinity are refused.
+
+    The action is a command for the pitch. Two things stand between it and the fin. A low-pass
+    filter smooths the command (Butterworth, order ten, `command_cutoff` 3 Hz). It delays the
+    command by a third of a second and overshoots a step by a sixth. A servo then follows the
+    smoothed command (second order, 40 rad/s, critically damped, at most 6 rad/s). Of a sine of 2 Hz
+    97 % arrive, of one of 3 Hz 63 %, of 4 Hz 5 %, and of 5 Hz and above less than 1 %. Faster
+    motion is kept out because the model of the water does not hold there.
 
     | number | action | unit |
     |---|---|---|
@@ -47,7 +53,7 @@ class FinEnv(RodEnv):
 
     ## Observation Space
 
-    `Box(-10, 10, float32)`; what exceeds is clipped. With N = 8 nodes:
+    `Box(-10, 10, float32)`. Larger values are clipped. With N = 8 nodes:
 
     | numbers | observation | unit |
     |---|---|---|
@@ -62,16 +68,17 @@ class FinEnv(RodEnv):
     | then, Efficiency | demanded thrust; shed thrust smoothed over 0.5 s | 0.5 N |
     | then, Swim | forward speed of the hull | 0.5 m/s |
 
-    `observation="camera"` shows the last command and y of every node / edge length instead of the
-    first 2N+10 numbers. The full observation hides nothing of servo and low-pass; it does not show
-    the parameters of the episode, a command that `actuator_delay` holds back, and the stretch of
-    the edges, which is tiny.
+    `observation="camera"` replaces the first 2N+10 numbers: it shows the last command, and y of
+    every node over the length of an edge. The full observation hides nothing of the servo and the
+    low-pass. It does not show the parameters of the episode, nor a command that `actuator_delay`
+    holds back, nor the stretch of the edges, which is tiny.
 
     ## Rewards
 
-    Terms are in `info["reward_terms"]` and add up to the reward. Thrust T is what water gives for
-    good: momentum shed at the tail and resistive forces, not the momentum lent to the moved water
-    (it comes back). Power P counts only while the servo gives it; w is `power_weight`.
+    Terms are in `info["reward_terms"]` and add up to the reward. T is the thrust that the water
+    gives for good: the momentum shed at the tail and the resistive forces. The momentum that is
+    lent to the moved water does not count, because it comes back. P is the power of the servo,
+    which counts only while the servo gives it. w is `power_weight`.
 
     | task | term | value | range |
     |---|---|---|---|
@@ -85,8 +92,8 @@ class FinEnv(RodEnv):
     `power_weight` is 1, and 0.5 with `thesis=True`, whose stiff and damped fin would earn
     nothing at the usual price of power, however it is moved.
 
-    The bounds are clips far from what a fin can do, so that the terms are linear in between: a
-    saturating power term would pay for bursts.
+    The terms are clipped at these bounds, which lie far from what a fin can do. In between they are
+    linear: a power term that saturates would pay for bursts.
 
     What was tried to earn without swimming well, why the low-pass is so steep, and what learned
     policies return beside sinusoids is in docs/records/fin-rewards.md.

@@ -61,3 +61,7 @@ class CalibrationError(RecordingError):
 
 class MarkersError(RecordingError):
     """Markers that are not found, or not the same number of them."""
+
+
+class ClockError(RecordingError):
+    """Two recordings whose clocks cannot be aligned."""

@@ -10,6 +10,7 @@ from typing import Any
 
 from rodgym._checks import refused
 from rodgym.lab.errors import RecordingError
+from rodgym.lab.fin_in_air import FinFit
 from rodgym.lab.result import Fit
 
 #: Half of a 95 % interval in deviations.
@@ -18,7 +19,7 @@ WIDE = 1.96
 NOTHING = 1e-3
 
 #: A fitted rod: its file, what the file holds, or the fit itself.
-Rod = str | os.PathLike[str] | Mapping[str, Any] | Fit
+Rod = str | os.PathLike[str] | Mapping[str, Any] | Fit | FinFit
 
 
 def keywords(rod: Rod, spread: bool = True) -> dict[str, Any]:
@@ -44,7 +45,10 @@ def keywords(rod: Rod, spread: bool = True) -> dict[str, Any]:
             dict(content["known"]),
             content["parameters"],
         )
-        nodes, same = int(content["equivalent"]["nodes"]), dict(content["equivalent"]["parameters"])
+        same = dict(content["equivalent"]["parameters"])
+        # (A fin has the nodes of its geometry.)
+        fin = content.get("machine") == "fin"
+        nodes = {} if fin else {"nodes": int(content["equivalent"]["nodes"])}
         drawn = _ellipsoid(content, same, best)
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
         raise RecordingError(f"{name} is no rod.yml of a fit") from error
@@ -53,7 +57,7 @@ def keywords(rod: Rod, spread: bool = True) -> dict[str, Any]:
             f"{name} does not tell {' and '.join(vague)}: measure it and fit again with --known"
         )
     known.pop("nodes", None)
-    return {"nodes": nodes, **known, **same, **({"randomize": drawn} if spread else {})}
+    return {**nodes, **known, **same, **({"randomize": drawn} if spread else {})}
 
 
 def expanded(given: Mapping[str, Any]) -> dict[str, Any]:
@@ -70,7 +74,7 @@ def expanded(given: Mapping[str, Any]) -> dict[str, Any]:
 
 def _content(rod: Rod) -> tuple[Mapping[str, Any], str]:
     """What the file holds, and how errors name it."""
-    if isinstance(rod, Fit):
+    if isinstance(rod, Fit | FinFit):
         return rod.as_dict(), "the fit"
     if isinstance(rod, Mapping):
         return rod, "the rod"

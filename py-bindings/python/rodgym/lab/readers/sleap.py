@@ -108,14 +108,17 @@ def source(
     animal: str | None,
 ) -> Source:
     """Markers of one animal, or of as many animals of one node."""
+    sure: Array | None = None
     if animal is None and len(nodes) == 1 and len(points) > 1:
         markers = list(points)
         cube = np.concatenate([points[one] for one in markers], axis=1)
-        sure = scores and np.concatenate([scores[one] for one in markers], axis=1)
+        if scores is not None:
+            sure = np.concatenate([scores[one] for one in markers], axis=1)
     else:
         one = chosen(name, "animal", list(points), animal)
-        markers, cube, sure = nodes, points[one], scores and scores[one]
-    confidence = None if sure is None or np.isnan(sure).all() else np.asarray(sure)
+        markers, cube = nodes, points[one]
+        sure = None if scores is None else scores[one]
+    confidence = None if sure is None or np.isnan(sure).all() else sure
     return Source(
         name, "SLEAP", None, frames, cube, tuple(markers), confidence, unit="px", y="down"
     )

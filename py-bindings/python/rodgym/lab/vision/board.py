@@ -95,5 +95,7 @@ class Board:
             half = int(np.clip(0.4 * cell * over, 2, 11))
             stop = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 60, 1e-4)
             start = ((rough - low) * over + 0.5 * (over - 1)).astype(np.float32)
-            exact = cv2.cornerSubPix(large, start, (half, half), (-1, -1), stop)
-        return (np.asarray(exact, np.float64) - 0.5 * (over - 1)) / over + low
+            exact = np.asarray(
+                cv2.cornerSubPix(large, start, (half, half), (-1, -1), stop), np.float64
+            )
+        return (exact - 0.5 * (over - 1)) / over + low

@@ -159,7 +159,7 @@ def _calibrated(
     places = [board.corners.astype(np.float32)] * len(views)
     seen = [view.astype(np.float32).reshape(-1, 1, 2) for view in views]
     error, matrix, distortion, _, _, deviations, _, errors = cv2.calibrateCameraExtended(
-        places, seen, size, None, None, flags=cv2.CALIB_FIX_K3
+        places, seen, size, np.eye(3), np.zeros(5), flags=cv2.CALIB_FIX_K3
     )
     four = tuple(float(value) for value in np.asarray(deviations).ravel()[:4])
     camera = Camera(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -61,7 +62,7 @@ class Film:
         return stream
 
 
-def grey(picture: npt.NDArray[np.generic]) -> Grey:
+def grey(picture: Any) -> Grey:
     """A picture in grey."""
     if picture.ndim == 3:
         picture = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)

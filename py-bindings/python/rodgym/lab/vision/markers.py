@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from rodgym._checks import refused
 from rodgym.lab.tracks import Array
@@ -60,7 +61,7 @@ class Spots:
     areas: Array
     heights: Array
 
-    def some(self, keep: Array) -> Spots:
+    def some(self, keep: npt.NDArray[np.bool_]) -> Spots:
         """Those that are chosen."""
         return Spots(self.places[keep], self.areas[keep], self.heights[keep])
 

@@ -133,8 +133,7 @@ def _one(corners: Array, board: Board, camera: Camera) -> Plane:
         error = float(np.sqrt(np.mean(np.sum(gaps**2, axis=1))))
     if not good or error > WRONG:
         raise CalibrationError("the board on the plane of motion fits no pose of this camera")
-    rotation, _ = cv2.Rodrigues(turn)
-    rotation = np.asarray(rotation, np.float64)
+    rotation = np.asarray(cv2.Rodrigues(turn)[0], np.float64)
     own = Plane(camera, rotation, np.asarray(translation, np.float64).ravel(), error)
     return _upright(own.at(board.corners.mean(axis=0)[:2]))
 

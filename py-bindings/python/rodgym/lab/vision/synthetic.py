@@ -140,8 +140,10 @@ class Backdrop:
             ENVIRONMENT, 1, {**rod, "nodes": DRAWN, "physics_dt": 1e-4}, "Disabled", None, 1
         )
         width, height = optics.camera.size
-        across, down = np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height))
-        pixels = np.stack([across.ravel(), down.ravel()], axis=1)
+        across, down = np.meshgrid(
+            np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64)
+        )
+        pixels = np.column_stack([across.ravel(), down.ravel()]).astype(np.float64)
         rotation, translation = optics.pose
         toward = np.column_stack([optics.camera.rays(pixels), np.ones(len(pixels))])
         normal = rotation[:, 2]
@@ -161,7 +163,12 @@ class Backdrop:
         rendered = self._batch.render(0, TEXTURE, TEXTURE)
         grey = cv2.cvtColor(np.ascontiguousarray(rendered), cv2.COLOR_RGB2GRAY)
         seen = cv2.remap(
-            grey, *self._map, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=245
+            grey,
+            self._map[0],
+            self._map[1],
+            cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_CONSTANT,
+            borderValue=245,
         )
         light = np.linspace(0.30, 0.42, seen.shape[1])
         return np.asarray(seen * light)
