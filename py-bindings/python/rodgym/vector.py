@@ -209,7 +209,7 @@ class RodVectorEnv(Many, Fixed, VectorEnv[Observations, Any, Any]):
         """
         rows = checks.actions(actions)
         self._check_rows(rows, rows.ndim == 2)
-        return StepJacobian(**self._batch.step_jacobians(rows, names(parameters)))
+        return StepJacobian(**self._batch.native.step_jacobians(rows, names(parameters)))
 
     def rollout_gradient(self, actions: Any, parameters: Sequence[str] = ()) -> RolloutGradient:
         """`rollout_gradient` of every member for its own `actions` (num_envs, t, a), computed by
@@ -220,7 +220,7 @@ class RodVectorEnv(Many, Fixed, VectorEnv[Observations, Any, Any]):
         """
         rows = checks.actions(actions)
         self._check_rows(rows, rows.ndim == 3)
-        return RolloutGradient(**self._batch.rollout_gradients(rows, names(parameters)))
+        return RolloutGradient(**self._batch.native.rollout_gradients(rows, names(parameters)))
 
     def _check_rows(self, rows: Any, fits: bool) -> None:
         if not fits or len(rows) != self.num_envs:
