@@ -6,7 +6,9 @@ SHELL := /bin/bash
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
-EXTRAS := train,tune,data,render,remote,ray,export,dev
+# What the tests need, and what a demonstration does: .venv grows when it is asked for more.
+EXTRAS := train,tune,data,lab,render,remote,ray,export,dev
+demo: EXTRAS := train
 # Extra arguments of the program: make demo ARGS="--steps 100000"
 ARGS ?=
 
@@ -18,14 +20,44 @@ FUZZ_SECONDS ?= 600
 SOAK_MINUTES ?= 30
 
 .PHONY: help demo test lint lint-rust lint-python test-rust test-python test-oldest extension bench scores controllers clean
-.PHONY: venv set-up
+.PHONY: venv set-up docs packages neighbours
 .PHONY: server test-remote bench-remote soak fuzz ray bench-ray
 
 help: ## this list
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 demo: extension ## train three agents, compare them with the LQR, write runs/demo/report.html
 	$(BIN)/rodgym demo $(ARGS)
+
+# The site in site/, from docs/ and the docstrings; the crates' reference in site/rust. An environment
+# of its own: the generator is no dependency of anything else.
+DOCS := .venv-docs
+DOC_CRATES := rodgym-core rodgym-baselines rodgym-render rodgym-server
+docs: $(DOCS)/.ready ## the documentation site in site/: strict, offline, every link checked
+	$(DOCS)/bin/zensical build --strict --clean
+	RUSTDOCFLAGS="-D warnings" cargo doc --no-deps $(addprefix --package ,$(DOC_CRATES))
+	rm -rf site/rust && cp -r target/doc site/rust
+	$(DOCS)/bin/python docs/check_site.py site
+
+$(DOCS)/.ready: docs/requirements.txt
+	$(PYTHON) -m venv $(DOCS)
+	$(DOCS)/bin/python -m pip install --quiet -r docs/requirements.txt
+	touch $@
+
+# Wheel and source archive in dist/, each installed in a fresh environment and tried there.
+packages: venv ## wheel and sdist, built and tried in fresh environments, each extra alone
+	$(BIN)/python tests/long/packages.py
+
+# Libraries that others train and store episodes with, in an environment of its own.
+NEIGHBOURS := .venv-neighbours
+neighbours: extension $(NEIGHBOURS)/.ready ## TorchRL, Minari, tianshou, skrl, rl_zoo3 over these environments
+	RODGYM_NEED_NEIGHBOURS=1 PYTHONPATH=py-bindings/python $(NEIGHBOURS)/bin/python -m pytest -rs \
+		tests/python/test_neighbours.py
+
+$(NEIGHBOURS)/.ready: tests/neighbours.txt
+	$(PYTHON) -m venv $(NEIGHBOURS)
+	$(NEIGHBOURS)/bin/python -m pip install --quiet -r tests/neighbours.txt
+	touch $@
 
 test: lint test-rust test-oldest test-python ## everything that must hold before a change lands
 # One extension for all of it, the one with the server; linters see its code too. (Without: `default` keeps
@@ -134,9 +166,21 @@ gaits: extension ## long: a minute; gaits of fins whose stiffness is felt, write
 scores: extension ## long: trains on several seeds and writes docs/scores.md
 	$(BIN)/python tests/long/scores.py
 
+.PHONY: kept-seeds
+kept-seeds: extension ## long: tests a claim on seeds that nobody looked at, once (tests/data/kept_seeds.json)
+	$(BIN)/python tests/long/kept_seeds.py
+
+.PHONY: benchmark
+benchmark: extension ## long, hours: every learner and controller on every task, writes docs/benchmark.md
+	$(BIN)/python tests/long/benchmark.py
+
 .PHONY: robustness
 robustness: extension ## long: how far off rod, motor and sensors may be; refreshes docs/robustness.md
 	$(BIN)/python tests/long/robustness.py
+
+.PHONY: best-known
+best-known: extension ## long: searches for the best known actions of every width, writes docs/best-known.md; goes on where it was stopped
+	OMP_NUM_THREADS=1 $(BIN)/python tests/long/best_known.py
 
 .PHONY: distil
 distil: extension ## long: ten students of each recipe, writes the table of docs/distillation.md
@@ -154,9 +198,11 @@ extension: venv
 	fi
 
 # The environment is made once, and again when the project's dependencies change (by their text:
-# in a fresh clone every file is new).
+# in a fresh clone every file is new) or when more extras are wanted than it has.
+READY := $(VENV)/.ready
 venv:
-	@cmp -s pyproject.toml $(VENV)/.ready || $(MAKE) --no-print-directory set-up
+	@cmp -s pyproject.toml $(READY) && { test ! -e $(READY)-extras || grep -qxE '$(EXTRAS)|.*dev' $(READY)-extras; } \
+		|| $(MAKE) --no-print-directory set-up EXTRAS=$(EXTRAS)
 
 set-up:
 	@echo "setting up $(VENV) (once; downloads PyTorch) ..."; began=$$SECONDS; \
@@ -164,10 +210,10 @@ set-up:
 	$(BIN)/python -m pip install --quiet 'maturin>=1.9,<2'; \
 	quiet=--quiet; if [ -t 2 ]; then quiet=; fi; \
 	$(BIN)/maturin develop --release $$quiet --features default --extras $(EXTRAS); \
-	cp pyproject.toml $(VENV)/.ready; \
+	cp pyproject.toml $(READY); echo '$(EXTRAS)' > $(READY)-extras; \
 	echo "set-up took $$((SECONDS - began)) s"
 
 clean: ## removes what was built and the runs, not the virtual environment
 	cargo clean
-	rm -rf runs dist .pytest_cache .mypy_cache .ruff_cache
+	rm -rf runs dist site .cache .pytest_cache .mypy_cache .ruff_cache
 	find . -name __pycache__ -not -path './$(VENV)/*' -prune -exec rm -rf {} +

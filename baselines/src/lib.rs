@@ -7,6 +7,7 @@
 pub mod controller;
 pub mod error;
 pub mod fin;
+pub mod ilqr;
 pub mod linalg;
 pub mod pendulum;
 pub mod registry;

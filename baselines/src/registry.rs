@@ -3,7 +3,7 @@
 use crate::controller::Controller;
 use crate::error::{Error, Result, parameter};
 use crate::fin::{Gait, GaitAdaptive};
-use crate::pendulum::{HybridLqr, Lqg, LqgAdaptive, Lqr, RodDesign, ThesisLqg};
+use crate::pendulum::{HybridLqr, Lqg, LqgAdaptive, Lqr, Mpc, RodDesign, ThesisLqg};
 use crate::saved;
 pub use crate::target::Target;
 use rodgym_core::fin::cycle::Waveform;
@@ -48,6 +48,7 @@ const OURS: &[Entry] = &[
         .saved(|bytes| boxed(Lqg::from_numbers(bytes))),
     pendulum("lqg-adaptive", |target| boxed(LqgAdaptive::for_target(target)))
         .saved(|bytes| boxed(LqgAdaptive::from_numbers(bytes))),
+    pendulum("mpc", |target| boxed(Mpc::for_target(target))),
     pendulum("thesis-lqr", |target| {
         boxed(HybridLqr::literal_for_target(rod(target)?, target.observation.size()))
     })

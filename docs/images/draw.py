@@ -13,7 +13,7 @@ import gymnasium as gym
 import numpy as np
 import rodgym.baselines
 from PIL import Image
-from rodgym.report.animation import write_gif
+from rodgym.report.gif import write_gif
 
 HERE = Path(__file__).parent
 SWING_UP = "rodgym/PendulumSwingUp-v0"
@@ -37,9 +37,14 @@ def film(env_id: str, policy: Policy, size: tuple[int, int], steps: range) -> li
 
 
 def controller(name: str, env_id: str) -> Policy:
-    """A controller that needs no memory, by its class in `rodgym.baselines`."""
-    made = getattr(rodgym.baselines, name).for_env(gym.make(env_id))
-    return lambda _, observation: made.predict(observation)[0]
+    """A controller by its name, with its memory."""
+    made, memory = rodgym.baselines.make(name, gym.make(env_id)), [None]
+
+    def policy(_: float, observation: Any) -> Any:
+        action, memory[0] = made.predict(observation, memory[0])
+        return action
+
+    return policy
 
 
 def sine(amplitude: float, frequency: float) -> Policy:
@@ -56,9 +61,19 @@ def write(name: str, frames: list[Image.Image], frame_dt: float, still: int, hol
 
 
 if __name__ == "__main__":
-    swing = film(SWING_UP, controller("Lqr", SWING_UP), (400, 400), range(0, 161, 2))
+    swing = film(SWING_UP, controller("lqr", SWING_UP), (400, 400), range(0, 161, 2))
     write("pendulum", swing, frame_dt=0.05, still=22, hold=1.2)
+    for name, env_id, regulator in (
+        ("balance", "rodgym/PendulumBalance-v0", "lqr"),
+        ("base", "rodgym/PendulumSwingUpBase-v0", "lqg"),
+    ):
+        frames = film(env_id, controller(regulator, env_id), (400, 400), range(0, 121, 2))
+        write(name, frames, frame_dt=0.05, still=22, hold=1.2)
     # Two whole periods of 0.8 s, once the start is forgotten.
     gait = sine(0.8, 1.25)
-    for name, env_id in (("fin", "rodgym/FinThrust-v0"), ("swim", "rodgym/FinSwim-v0")):
+    for name, env_id in (
+        ("fin", "rodgym/FinThrust-v0"),
+        ("efficiency", "rodgym/FinEfficiency-v0"),
+        ("swim", "rodgym/FinSwim-v0"),
+    ):
         write(name, film(env_id, gait, (560, 316), range(120, 160)), 0.04, still=6, hold=0.0)

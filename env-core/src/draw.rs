@@ -1,5 +1,9 @@
 //! How the parameters of an episode are drawn, or set exactly.
 
+mod together;
+
+pub use together::{MOST, Normal, REACH};
+
 use crate::error::{Error, Result};
 use crate::given::{check_names, number};
 use crate::keywords::{Parameter, RANDOMIZE};
@@ -16,28 +20,39 @@ pub enum Draw {
     Uniform(f64, f64),
     /// Log-uniform between two positive values.
     LogUniform(f64, f64),
+    /// Its logarithm is normal, together with those of others.
+    LogNormal(Normal),
 }
 
 impl Draw {
-    /// Draws a value.
-    pub fn draw(&self, stream: &mut Stream) -> f64 {
-        match *self {
+    /// Draws the values of all parameters: in their order, then those that are normal together.
+    ///
+    /// # Panics
+    /// When `check` would refuse the draws.
+    pub fn all(draws: &[Draw], stream: &mut Stream) -> Vec<f64> {
+        let one = |draw: &Draw| match *draw {
             Draw::Fixed(value) => value,
             Draw::Uniform(low, high) => stream.uniform(low, high),
             Draw::LogUniform(low, high) => stream.log_uniform(low, high),
-        }
+            Draw::LogNormal(normal) => normal.median,
+        };
+        let mut values: Vec<f64> = draws.iter().map(one).collect();
+        together::draw(draws, stream, &mut values);
+        values
     }
 
     /// Smallest and largest value.
     pub fn bounds(&self) -> (f64, f64) {
-        match *self {
-            Draw::Fixed(value) => (value, value),
-            Draw::Uniform(low, high) | Draw::LogUniform(low, high) => (low, high),
+        match self {
+            Draw::Fixed(value) => (*value, *value),
+            Draw::Uniform(low, high) | Draw::LogUniform(low, high) => (*low, *high),
+            Draw::LogNormal(normal) => normal.bounds(),
         }
     }
 
-    /// How each parameter of a table is drawn: `values`, unless `randomize` has a `(low, high)` or
-    /// `("log_uniform", low, high)` for its name.
+    /// How each parameter of a table is drawn: `values`, unless `randomize` has a `(low, high)`,
+    /// `("log_uniform", low, high)` or `("log_normal", median, deviation, {other: correlation})`
+    /// for its name.
     ///
     /// # Errors
     /// A `randomize` that is none, or a range beyond the parameter's.
@@ -51,6 +66,7 @@ impl Draw {
         for (i, draw) in Draw::ranges(value, table)? {
             draws[i] = draw;
         }
+        together::check(&draws, table)?;
         Ok(draws)
     }
 
@@ -64,7 +80,15 @@ impl Draw {
         let known: Vec<&str> = table.iter().map(|p| p.name).collect();
         check_names(map, &known)?;
         let given = table.iter().enumerate().filter_map(|(i, p)| Some((i, p, map.get(p.name)?)));
-        given.map(|(i, p, value)| Ok((i, Draw::read(p, value)?))).collect()
+        given.map(|(i, p, value)| Ok((i, Draw::read(p, value, table)?))).collect()
+    }
+
+    /// Refuses correlations that no numbers have.
+    ///
+    /// # Errors
+    /// Two that contradict each other, or too many parameters that are normal together.
+    pub fn check_together(draws: &[Draw], table: &[Parameter]) -> Result<()> {
+        together::check(draws, table)
     }
 
     /// Refuses draws that no keywords make.
@@ -74,23 +98,35 @@ impl Draw {
     pub fn check(draws: &[Draw], table: &[Parameter]) -> Result<()> {
         let fits = |(draw, parameter): (&Draw, &Parameter)| {
             let (low, high) = draw.bounds();
-            let positive = !matches!(draw, Draw::LogUniform(..)) || low > 0.0;
+            let positive = match draw {
+                Draw::LogUniform(low, _) => *low > 0.0,
+                Draw::LogNormal(normal) => normal.is_sound(),
+                _ => true,
+            };
             parameter.low <= low && low <= high && high <= parameter.high && positive
         };
-        if draws.len() == table.len() && draws.iter().zip(table).all(fits) {
+        let each = draws.len() == table.len() && draws.iter().zip(table).all(fits);
+        if each && together::check(draws, table).is_ok() {
             return Ok(());
         }
         Err(Error::snapshot("it draws parameters from beyond their ranges"))
     }
 
-    fn read(parameter: &Parameter, value: &Value) -> Result<Draw> {
+    fn read(parameter: &Parameter, value: &Value, table: &[Parameter]) -> Result<Draw> {
         let (least, most) = (parameter.low, parameter.high);
-        let name = format!("randomize['{}']", parameter.name);
+        let name = named(parameter);
         let refuse = || {
             let pair = format!("(low, high) with {least} <= low <= high <= {most}");
-            let allowed = format!("{pair}, or ('log_uniform', low, high) with low > 0");
-            Error::parameter(&name, value, allowed)
+            let log = "('log_uniform', low, high) with low > 0";
+            let normal = "('log_normal', median, deviation)";
+            Error::parameter(&name, value, format!("{pair}, or {log}, or {normal}"))
         };
+        if let Some([word, rest @ ..]) = value.as_array().map(Vec::as_slice)
+            && word.as_str() == Some("log_normal")
+        {
+            let normal = Normal::read(parameter, rest, table);
+            return normal.map(Draw::LogNormal);
+        }
         let (log, pair) = match value.as_array().map(Vec::as_slice) {
             Some([word, rest @ ..]) if word.as_str() == Some("log_uniform") => (true, rest),
             Some(pair) => (false, pair),
@@ -103,6 +139,11 @@ impl Draw {
         }
         Ok(if log { Draw::LogUniform(low, high) } else { Draw::Uniform(low, high) })
     }
+}
+
+/// A parameter of `randomize`, as errors name it.
+fn named(parameter: &Parameter) -> String {
+    format!("{}['{}']", RANDOMIZE.name, parameter.name)
 }
 
 /// Reads exact parameter values, as given to `reset`; `None` where not given.

@@ -8,6 +8,7 @@ pub use crate::scene::{NodeState, Scene};
 pub use crate::settings::Settings;
 pub use crate::spec::{Space, Spec};
 
+use crate::batch::Rehearsal;
 use crate::error::Result;
 use crate::simulation::{Named, Simulation, no_derivatives};
 use std::any::Any;
@@ -120,7 +121,40 @@ pub trait VectorEnv: Send {
     ) -> Result<Vec<Named>> {
         Err(no_derivatives(self.spec().machine))
     }
+    /// `step_jacobian` of every environment under its own row of `actions` (n, a): the same arrays with a first axis of n.
+    /// To the same bits, whatever the threads.
+    ///
+    /// # Errors
+    /// Those of `step_jacobian`, of the first environment that has one.
+    fn step_jacobians(&mut self, actions: &[f32], parameters: &[String]) -> Result<Vec<Named>> {
+        let rows = rows(actions, self.num_envs());
+        let each = rows.map(|(i, row)| self.step_jacobian(i, row, parameters));
+        Ok(Named::stack(each.collect::<Result<_>>()?))
+    }
+    /// `rollout_gradient` of every environment for its own `actions` (n, t, a): the same arrays with a first axis of n.
+    /// To the same bits, whatever the threads.
+    ///
+    /// # Errors
+    /// Those of `rollout_gradient`, of the first environment that has one.
+    fn rollout_gradients(&mut self, actions: &[f32], parameters: &[String]) -> Result<Vec<Named>> {
+        let rows = rows(actions, self.num_envs());
+        let each = rows.map(|(i, row)| self.rollout_gradient(i, row, parameters));
+        Ok(Named::stack(each.collect::<Result<_>>()?))
+    }
+    /// A copy of environment `index` to try actions on, which leaves the environment alone.
+    ///
+    /// # Errors
+    /// An environment that was never reset, a machine without derivatives.
+    fn rehearsal(&self, _index: usize) -> Result<Box<dyn Rehearsal>> {
+        Err(no_derivatives(self.spec().machine))
+    }
     /// An exact copy of what runs in environment `index`: stepping it leaves the environment alone, and the next
     /// step of both has the same bits.
     fn simulation(&self, index: usize) -> Result<Box<dyn Simulation>>;
+}
+
+/// As many rows as there are environments, with their numbers.
+pub(crate) fn rows(actions: &[f32], num_envs: usize) -> impl Iterator<Item = (usize, &[f32])> {
+    let size = actions.len() / num_envs;
+    (0..num_envs).map(move |i| (i, &actions[i * size..(i + 1) * size]))
 }

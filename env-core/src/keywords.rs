@@ -95,7 +95,7 @@ pub const RANDOMIZE: Keyword = Keyword {
     unit: "",
     default: "{}",
     allowed: Allowed::Other("a dictionary such as {'width': (0.006, 0.009)}"),
-    doc: "{parameter: (low, high) or ('log_uniform', low, high)}, drawn each episode",
+    doc: "{parameter: (low, high), ('log_uniform', low, high) or ('log_normal', median, deviation of the logarithm, {other parameter: correlation})}, drawn each episode",
     bare: false,
 };
 

@@ -6,6 +6,7 @@
 
 pub mod batch;
 pub mod catalog;
+mod directions;
 pub mod draw;
 pub mod env;
 mod episodes;

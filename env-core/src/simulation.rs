@@ -96,7 +96,7 @@ pub fn unknown(machine: &str, word: &str) -> Error {
 
 /// A machine whose steps are not differentiated.
 pub fn no_derivatives(machine: &str) -> Error {
-    Error::parameter("machine", machine, "'pendulum', the one whose steps have derivatives")
+    Error::parameter("machine", machine, "one whose steps have derivatives: 'pendulum', 'fin'")
 }
 
 /// Numbers with a name and a shape.
@@ -136,6 +136,22 @@ impl Named {
         };
         let values = (0..rows * count).map(entry).collect();
         Named { name, shape: vec![rows, count], values }
+    }
+
+    /// The same arrays of several, one under the other: with a first axis of as many.
+    pub fn stack(each: Vec<Vec<Named>>) -> Vec<Named> {
+        let count = each.len();
+        let mut rows = each.into_iter();
+        let Some(mut all) = rows.next() else { return vec![] };
+        for row in rows {
+            for (to, from) in all.iter_mut().zip(row) {
+                to.values.extend(from.values);
+            }
+        }
+        for to in &mut all {
+            to.shape.insert(0, count);
+        }
+        all
     }
 
     /// (x, y) a node.

@@ -29,7 +29,7 @@ pub struct Limits {
     pub memory_per_user_bytes: usize,
     /// Seconds after which a session that nobody uses is dropped.
     pub idle_seconds: u64,
-    /// Threads of one step.
+    /// Threads of one step, while nothing else is computed.
     pub threads: usize,
     /// Milliseconds that a connection may take for its handshake.
     #[serde(skip_serializing)]
@@ -85,6 +85,7 @@ impl Limits {
         let least = if name == "linger_ms" { 0 } else { 1 };
         let most = match name {
             "window" => HIGH_WATER_MARK as u64 / 2,
+            "threads" => 64,
             // The front throws away what lies far beyond.
             "frames" => 32,
             // What libzmq takes.

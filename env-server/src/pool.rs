@@ -71,7 +71,9 @@ impl<T: Send + 'static> Pool<T> {
             let next = (0..self.queue.len()).min_by_key(|i| has(&self.queue[*i].user));
             let Some(next) = next else { return };
             let job = self.queue.remove(next);
+            let alone = self.is_idle();
             self.running[free] = Some(job.user.clone());
+            let job = Job { work: job.work.alone(alone), ..job };
             self.threads[free].send(job).expect("a worker ends with the pool only");
         }
     }

@@ -146,7 +146,8 @@ impl Engine {
         match self.server.begin(self.start.elapsed(), &to.user, frames) {
             Begun::Reply(reply) => self.send(&to, reply, transport),
             Begun::Work(work) if work.expected() <= self.long => {
-                let reply = self.server.finish(work.run());
+                let alone = self.pool.is_idle();
+                let reply = self.server.finish(work.alone(alone).run());
                 self.send(&to, reply, transport);
             }
             Begun::Work(work) => {

@@ -135,7 +135,14 @@ impl Server {
                     *arrays = frames.split_off(usize::from(delimited) + 1);
                     **h = header;
                 }
-                Begun::Work(Work { sid, ticket, expected, shared: self.shared.clone(), task })
+                Begun::Work(Work {
+                    sid,
+                    ticket,
+                    expected,
+                    alone: false,
+                    shared: self.shared.clone(),
+                    task,
+                })
             }
             Err(refusal) => Begun::Reply(self.reply(ticket, sid, Err(refusal))),
         }
@@ -357,7 +364,7 @@ impl Server {
             kwargs,
             autoreset_mode: mode.unwrap_or(AutoresetMode::NextStep),
             max_episode_steps: field(p, "max_episode_steps")?,
-            num_threads: self.shared.limits.threads,
+            num_threads: 1,
         })
     }
 

@@ -2,7 +2,7 @@
 
 use crate::error::{Code, Refusal};
 use crate::memory::Charge;
-use crate::shared::Place;
+use crate::shared::{Helpers, Place};
 use crate::window::Window;
 use crate::wire::{self, ArrayHeader, Arrays, Frame};
 use rodgym_core::env::{AutoresetMode, ResetOptions, Seeds, Settings, StepBuffer, VectorEnv};
@@ -74,6 +74,7 @@ pub struct Session {
     pub reserved: Option<(Place, Charge)>,
     env: Box<dyn VectorEnv>,
     buffer: StepBuffer,
+    helpers: Option<Helpers>,
 }
 
 impl Session {
@@ -89,6 +90,18 @@ impl Session {
             reserved: None,
             env,
             buffer,
+            helpers: None,
+        }
+    }
+
+    /// Lets the next step use several threads, which `lend` grants, or one.
+    pub fn spread(&mut self, threads: usize, lend: impl FnOnce() -> Option<Helpers>) {
+        if threads > 1 && self.helpers.is_none() {
+            self.helpers = lend();
+        }
+        let granted = if self.helpers.is_some() { threads } else { 1 };
+        if self.env.num_threads() != granted && self.env.set_num_threads(granted).is_err() {
+            self.helpers = None;
         }
     }
 
@@ -158,7 +171,14 @@ impl Session {
         let size = self.env.spec().action.size();
         let action = wire::read::<f32>(arrays.need("action", "<f4", &[n, size])?);
         self.clear();
-        self.env.step(&action, self.buffer.data())?;
+        let done = self.env.step(&action, self.buffer.data());
+        if done.is_err() && self.env.num_threads() > 1 {
+            // Perhaps the system grants no further threads. A step that is refused has changed nothing.
+            self.env.set_num_threads(1)?;
+            self.env.step(&action, self.buffer.data())?;
+        } else {
+            done?;
+        }
         self.steps += 1;
         let mut answer = Answer::default();
         self.push_observation(&mut answer);

@@ -7,7 +7,7 @@ use crate::metrics::Metrics;
 use rodgym_core::catalog::MakeOptions;
 use rodgym_core::env::VectorEnv;
 use std::collections::HashMap;
-use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, RwLock};
 
 /// Makes batches: `catalog::make`, or a test's own environments.
@@ -30,6 +30,23 @@ pub struct Shared {
     pub draining: AtomicBool,
     /// Sessions by user.
     quota: Mutex<HashMap<Arc<str>, usize>>,
+    /// Threads that may still be lent to sessions.
+    helpers: AtomicUsize,
+}
+
+/// Threads lent to all sessions together, however many there are.
+const HELPERS: usize = 64;
+
+/// Threads that help a session with its steps; given back when dropped.
+pub struct Helpers {
+    shared: Arc<Shared>,
+    count: usize,
+}
+
+impl Drop for Helpers {
+    fn drop(&mut self) {
+        self.shared.helpers.fetch_add(self.count, Relaxed);
+    }
 }
 
 /// A place for a session; given back when dropped.
@@ -62,7 +79,15 @@ impl Shared {
             users: RwLock::default(),
             draining: AtomicBool::new(false),
             quota: Mutex::default(),
+            helpers: AtomicUsize::new(HELPERS),
         }
+    }
+
+    /// Lends threads beside a session's own; none where the others have them all.
+    pub(crate) fn lend(self: &Arc<Self>, count: usize) -> Option<Helpers> {
+        let left = |left: usize| left.checked_sub(count);
+        self.helpers.fetch_update(Relaxed, Relaxed, left).ok()?;
+        Some(Helpers { shared: self.clone(), count })
     }
 
     /// What the key file of `user` says.

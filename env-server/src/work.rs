@@ -21,12 +21,17 @@ pub struct Ticket {
     pub(crate) delimited: bool,
 }
 
+/// What takes shorter is not worth waking other threads for.
+const WORTH: Duration = Duration::from_micros(100);
+
 /// What is to be computed.
 pub struct Work {
     pub(crate) sid: u128,
     pub(crate) ticket: Ticket,
     /// How long it is expected to take.
     pub(crate) expected: Duration,
+    /// Whether nothing else is computed meanwhile, so that other cores are free.
+    pub(crate) alone: bool,
     pub(crate) shared: Arc<Shared>,
     pub(crate) task: Task,
 }
@@ -81,15 +86,24 @@ impl Work {
         self.expected
     }
 
+    /// Says that nothing else is computed meanwhile.
+    #[must_use]
+    pub fn alone(self, alone: bool) -> Work {
+        Work { alone, ..self }
+    }
+
     /// Computes. A panic in an environment costs its session, not the server.
     pub fn run(self) -> Finished {
-        let Work { sid, ticket, shared, task, .. } = self;
+        let Work { sid, ticket, expected, alone, shared, task } = self;
         let lost = |what: &str| {
             let text = format!("'{what}' failed inside the server; its session is lost");
             Err(Refusal::new(Code::Internal, text))
         };
         let (session, outcome) = match task {
             Task::Operate { mut session, header, frames, digest } => {
+                let spreads = alone && expected >= WORTH && header.op == "step";
+                let threads = if spreads { shared.limits.threads } else { 1 };
+                session.spread(threads, || shared.lend(threads - 1));
                 let work = || operate(&mut session, &shared, &header, &frames, digest);
                 match catch_unwind(AssertUnwindSafe(work)) {
                     Ok(outcome) => (Some(session), outcome),

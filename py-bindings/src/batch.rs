@@ -53,14 +53,16 @@ pub struct Batch {
     options: MakeOptions,
 }
 
-struct Inner {
-    env: Box<dyn VectorEnv>,
+pub(crate) struct Inner {
+    pub(crate) env: Box<dyn VectorEnv>,
     /// Actions of the step being taken: the caller's array is not read once the GIL is released.
     actions: Vec<f32>,
     /// Results of the one environment of mode Single; empty otherwise.
     buffer: StepBuffer,
 }
 
+/// A point (x, y) for each node of each environment.
+type Nodes<'py> = Bound<'py, PyArray3<f64>>;
 /// Observation (d,), reward, terminated, truncated, info.
 type SingleStep<'py> = (Bound<'py, PyArray1<f32>>, f64, bool, bool, Bound<'py, PyDict>);
 
@@ -323,6 +325,22 @@ impl Batch {
         Ok((points(py, &state.positions)?, points(py, &state.velocities)?))
     }
 
+    /// Positions \[m\] and velocities \[m/s\] of the nodes of all environments, each (n, nodes, 2).
+    fn all_nodes<'py>(&self, py: Python<'py>) -> PyResult<(Nodes<'py>, Nodes<'py>)> {
+        let guard = self.lock(py)?;
+        let (mut positions, mut velocities, mut nodes) = (Vec::new(), Vec::new(), 0);
+        for index in 0..self.options.num_envs {
+            let state = guard.env.nodes(index).or_raise()?;
+            nodes = state.positions.len();
+            positions.extend_from_slice(state.positions.as_flattened());
+            velocities.extend_from_slice(state.velocities.as_flattened());
+        }
+        drop(guard);
+        let shape = [self.options.num_envs, nodes, 2];
+        let array = |numbers| PyArray1::from_vec(py, numbers).reshape(shape);
+        Ok((array(positions)?, array(velocities)?))
+    }
+
     /// Derivatives of the control step that environment `index` would take under `action`, by name: `A`, `B`, `P` of
     /// the plant's state vector by that vector, the action and parameters; `C`, `D`, `Q` of the observation;
     /// `reward_state`, `reward_action`, `reward_parameters`.
@@ -360,6 +378,44 @@ impl Batch {
         let mut guard = self.lock(py)?;
         let env = &mut guard.env;
         named(py, py.detach(move || env.rollout_gradient(index, &actions, &parameters)).or_raise()?)
+    }
+
+    /// `step_jacobian` of every environment under its own row of `actions` (n, a), over threads: the same arrays with a
+    /// first axis of n.
+    fn step_jacobians<'py>(
+        &self,
+        py: Python<'py>,
+        actions: &Bound<'py, PyAny>,
+        parameters: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let parameters = names(parameters)?;
+        let mut guard = self.lock(py)?;
+        let env = &mut guard.env;
+        let shape = [env.num_envs(), self.spec.action.size()];
+        let given = Actions::read(actions, &shape)?;
+        let mut actions = vec![0.0; shape.iter().product()];
+        given.copy_to(&mut actions);
+        named(py, py.detach(move || env.step_jacobians(&actions, &parameters)).or_raise()?)
+    }
+
+    /// `rollout_gradient` of every environment for its own `actions` (n, t, a), over threads: the same arrays with a
+    /// first axis of n.
+    fn rollout_gradients<'py>(
+        &self,
+        py: Python<'py>,
+        actions: &Bound<'py, PyAny>,
+        parameters: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let parameters = names(parameters)?;
+        let mut guard = self.lock(py)?;
+        let env = &mut guard.env;
+        // (What has no second axis has another shape than any that is right.)
+        let steps = actions.get_item(0).and_then(|row| row.len()).unwrap_or(0);
+        let shape = [env.num_envs(), steps, self.spec.action.size()];
+        let given = Actions::read(actions, &shape)?;
+        let mut actions = vec![0.0; shape.iter().product()];
+        given.copy_to(&mut actions);
+        named(py, py.detach(move || env.rollout_gradients(&actions, &parameters)).or_raise()?)
     }
 
     /// An exact copy of what runs in environment `index`: stepping it leaves the environment alone.
@@ -424,7 +480,7 @@ impl Batch {
     }
 
     /// The batch, waiting without the GIL while another thread steps it.
-    fn lock(&self, py: Python<'_>) -> PyResult<MutexGuard<'_, Inner>> {
+    pub(crate) fn lock(&self, py: Python<'_>) -> PyResult<MutexGuard<'_, Inner>> {
         self.inner.lock(py)
     }
 

@@ -19,6 +19,7 @@ mod lock;
 mod machine;
 mod render;
 mod riccati;
+mod search;
 mod serve;
 mod sim;
 mod thesis;
@@ -38,6 +39,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     machine::register(module)?;
     render::register(module)?;
     riccati::register(module)?;
+    search::register(module)?;
     serve::register(module)?;
     sim::register(module)?;
     thesis::register(module)?;

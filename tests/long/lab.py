@@ -125,6 +125,9 @@ def section(name: str, lines: list[dict[str, str]]) -> list[str]:
         told = sum(set(case.named) <= set(line["named"].split()) for line in lines)
         text.append(f"{' and '.join(case.named)} named as not identifiable in {told} of {count}.")
         return [*text, ""]
+    if vague := [line for line in lines if line["named"]]:
+        text.append(f"{len(vague)} say that the film does not tell E or the damping.")
+        lines = [line for line in lines if not line["named"]]
     text += [
         "",
         "| | median error | 95th of 100 | largest | in the 95 % interval | rms of error / sd |",

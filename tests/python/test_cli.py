@@ -2,6 +2,9 @@
 
 import csv
 import json
+import re
+import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +13,7 @@ import numpy as np
 import pytest
 import rodgym
 from PIL import Image
+from rodgym import _native
 from rodgym.cli import main
 from rodgym.cli.app import build_parser, command_names, load_command
 from rodgym.cli.arguments import key_value
@@ -42,7 +46,7 @@ def test_every_command_has_help_with_an_example_that_its_parser_takes(
     assert "examples:" in shown or name == "serve"
     parser = build_parser()
     for line in load_command(name).EXAMPLES.strip().splitlines():
-        program, *words = line.split()
+        program, *words = shlex.split(line)
         assert program == "rodgym"
         assert parser.parse_args(words).command == name
 
@@ -192,6 +196,50 @@ def test_list_of_one_environment_names_its_keywords(capsys: pytest.CaptureFixtur
     shown = capsys.readouterr().out
     for keyword in ("width", "youngs_modulus", "bending_damping"):
         assert keyword in shown
+    # Formula and range of each term, and how exact the steps are.
+    assert "(1 + y / L) / 2" in shown and "-0.02 ... 0" in shown and "6e-05" in shown
+
+
+def test_doctor_names_versions_extras_and_what_holds_the_physics_back(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert main(["doctor", "--speed"]) == 0
+    shown = capsys.readouterr().out
+    assert rodgym.__version__ in shown and _native.instruction_set() in shown
+    assert re.search(r"gymnasium +\d", shown) and re.search(r"render +installed", shown)
+    speed = re.search(r"([\d ]+) steps of the default pendulum a second", shown)
+    assert speed and int(speed[1].replace(" ", "")) > 1000
+    monkeypatch.setattr(_native, "instruction_set", lambda: "baseline")
+    monkeypatch.setattr("rodgym.extras.installed", lambda module: module != "zmq")
+    assert main(["doctor"]) == 0
+    shown = capsys.readouterr().out
+    assert re.search(r"remote +lacks zmq$", shown, re.MULTILINE)
+    assert ("holds the physics back" in shown) == (_native.INSTRUCTION_SETS[-1] != "baseline")
+
+
+def test_completion_offers_what_the_parsers_take(capsys: pytest.CaptureFixture[str]) -> None:
+    def after(*words: str) -> set[str]:
+        assert main(["completion", "--words", *words]) == 0
+        return set(capsys.readouterr().out.split())
+
+    assert set(command_names()) <= after()
+    assert {"PendulumSwingUp"} <= after("list") & after("evaluate", "lqr", "--env")
+    assert {"lqr", "zoo"} <= after("evaluate") & after("compare", "--policy")
+    assert {"--seeds", "--env"} <= after("evaluate", "lqr")
+    assert after("evaluate", "lqr", "--trajectories") == {"csv", "parquet"}
+    assert after("no-such-command") == set()
+    assert main(["completion"]) == 2
+    assert "bash, zsh or fish" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="needs bash")
+def test_the_script_for_bash_completes_there() -> None:
+    """Bash reads the script, then completes a word with a `rodgym` that is this package."""
+    program = f'rodgym() {{ "{sys.executable}" -m rodgym "$@"; }}'
+    asked = 'COMP_WORDS=(rodgym evalu); COMP_CWORD=1; _rodgym; echo "${COMPREPLY[@]}"'
+    script = f'{program}\neval "$(rodgym completion bash)"\n{asked}'
+    ran = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=True)
+    assert ran.stdout.split() == ["evaluate"], ran.stderr
 
 
 def test_evaluate_writes_one_row_per_seed_and_says_how_it_was_made(

@@ -64,6 +64,22 @@ def test_several_trainings_are_one_row_with_intervals(capsys: pytest.CaptureFixt
     assert (Path("runs/again") / "learning_curve.png").is_file()
 
 
+def test_an_evaluation_takes_the_folder_of_several_trainings(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["train", *SHORT, *SMALL, "--train-seeds", "3:5", "--name", "two"]) == 0
+    assert main(["evaluate", "runs/two", "--seeds", "4", "--name", "all"]) == 0
+    shown = capsys.readouterr().out
+    returns = returns_of(Path("runs/all"))
+    assert list(returns) == ["PPO, training 1", "PPO, training 2"]
+    mean = np.mean([returns["PPO, training 1"], returns["PPO, training 2"]])
+    row = next(line for line in shown.splitlines() if line.startswith("PPO, 2 training seeds"))
+    assert f"{mean:.1f}" in row
+    # It plays where they were trained: episodes of 20 steps, each of which earns at most 1.
+    assert "mean of 4 episodes, seeds 0 to 3" in shown
+    assert max(map(max, returns.values())) < 20
+
+
 def test_one_training_is_called_that(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["compare", *SHORT, *SMALL, "--seeds", "2", "--name", "one"]) == 0
     assert "interquartile" not in capsys.readouterr().out

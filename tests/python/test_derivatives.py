@@ -80,14 +80,6 @@ def test_arguments_are_checked_by_name():
         rod.jacobian(0.0, parameters=["colour"])
     with pytest.raises(ParameterError, match="parameters = 'width'"):
         rod.jacobian(0.0, parameters="width")
-    with pytest.raises(ParameterError, match="machine = fin"):
-        rodgym.sim.Fin().get_vector()
-    with pytest.raises(ParameterError, match="machine = fin"):
-        rodgym.sim.Fin().jacobian()
-    env = gym.make(FINS[0])
-    env.reset(seed=0)
-    with pytest.raises(ParameterError, match="machine = fin"):
-        env.unwrapped.step_jacobian([0.0])
     env = gym.make(SWING_UP).unwrapped
     with pytest.raises(rodgym.RodgymError, match="reset"):
         env.step_jacobian([0.0])
@@ -152,6 +144,21 @@ def test_members_of_a_batch_have_the_same_bits():
         batch.step_jacobian([[0.5]])
 
 
+@pytest.mark.parametrize("machine", [SWING_UP, FINS[0]])
+def test_threads_have_the_same_bits(machine):
+    actions = np.random.default_rng(0).uniform(-1, 1, (5, 3, 1)).astype(np.float32)
+    found = []
+    for num_threads in (1, 3):
+        envs = gym.make_vec(machine, num_envs=5, num_threads=num_threads).unwrapped
+        envs.reset(seed=3)
+        envs.step(actions[:, 0])
+        arrays = [*envs.step_jacobian(actions[:, 1], ["density"]), *envs.rollout_gradient(actions)]
+        found.append([array.tobytes() for array in arrays])
+        with pytest.raises(ParameterError, match="colour"):
+            envs.step_jacobian(actions[:, 1], ["colour"])
+    assert found[0] == found[1]
+
+
 def test_instruction_sets_have_the_same_bits():
     code = (
         "import gymnasium as gym, rodgym, hashlib\n"
@@ -161,6 +168,10 @@ def test_instruction_sets_have_the_same_bits():
         "    env.reset(seed=2)\n"
         "    for array in env.step_jacobian([0.3], ['width']):\n"
         "        seen.update(array.tobytes())\n"
+        "env = gym.make('rodgym/FinSwim-v0').unwrapped\n"
+        "env.reset(seed=2)\n"
+        "for array in (*env.step_jacobian([0.3], ['density']), *env.rollout_gradient([[0.3]])):\n"
+        "    seen.update(array.tobytes())\n"
         "print(seen.hexdigest())\n"
     )
     hashes = set()
@@ -209,3 +220,76 @@ def test_a_rollout_ends_where_the_task_ends_the_episode():
     ended = int(np.argmin(found.rewards != 0))
     assert 0 < ended < 399
     assert not found.rewards[ended:].any() and not found.actions[ended + 1 :].any()
+
+
+def beating(**keywords):
+    fin = rodgym.sim.Fin(**keywords)
+    for step in range(8):
+        fin.step(0.2 * np.sin(0.5 * step))
+    return fin
+
+
+@pytest.mark.parametrize("keywords", [{}, {"stepper": "backward_euler"}, {"free_swimming": True}])
+def test_the_jacobian_of_a_fin_predicts_its_step(keywords):
+    fin = beating(**keywords)
+    before = fin.get_vector()
+    A, B, P = fin.jacobian(0.1, n=6, parameters=["density", "drag_coefficient"])
+    assert fin.get_vector().tobytes() == before.tobytes() and P.shape == (len(before), 2)
+
+    def after(x, pitch):
+        fin.set_vector(x)
+        fin.step(pitch, n=6)
+        return fin.get_vector()
+
+    direction = (np.abs(before) + 1e-3) * np.random.default_rng(1).uniform(-1, 1, len(before))
+    if "stepper" not in keywords:
+        direction[-13] = 0
+    moved, still = (after(before + s * direction, 0.1 + s) for s in (1e-4, -1e-4))
+    exact = A @ direction + B[:, 0]
+    assert np.abs((moved - still) / 2e-4 - exact).max() < 1e-5 * np.abs(exact).max()
+
+
+def test_vectors_of_fins_go_round_and_say_what_they_are_not():
+    fin, twin = beating(), rodgym.sim.Fin()
+    x = fin.get_vector()
+    assert len(x) == 2 * 30 + 1 + 12
+    twin.set_vector(x)
+    assert twin.time == 0 and twin.get_vector().tobytes() == x.tobytes()
+    fin.drive(0.1, n=20), twin.drive(0.1, n=20)
+    np.testing.assert_allclose(twin.get_vector(), fin.get_vector(), rtol=1e-12, atol=1e-13)
+    for bad, words in [
+        (x[:-1], r"\(72,\), but \(73,\)"),
+        (np.where(np.arange(73) == 3, np.nan, x), "x = NaN"),
+        (np.where(np.arange(73) == 60, 0.5, x), r"0\.5 .* 0 or 1"),
+        (np.where(np.arange(73) == 61, 0.5, x), "where the servo's angle 0.5 rad"),
+        (np.where(np.arange(73) < 4, 0.0, x), "neighbouring"),
+    ]:
+        with pytest.raises((ShapeError, ParameterError), match=words):
+            twin.set_vector(bad)
+
+
+@pytest.mark.parametrize("task", FINS)
+def test_the_gradient_of_a_fin_is_that_of_its_steps(task):
+    env = gym.make(task, actuator_delay=0.008).unwrapped
+    env.reset(seed=4)
+    for t in range(10):
+        env.step([np.sin(0.5 * t)])
+    state = env.get_state()
+    actions = np.float32(np.sin(np.arange(8.0))[:, None] * 0.9)
+    found = env.rollout_gradient(actions, ["youngs_modulus"])
+    assert env.get_state() == state
+    steps, rewards = [], []
+    for action in actions:
+        steps.append(env.step_jacobian(action, ["youngs_modulus"]))
+        rewards.append(env.step(action)[1])
+    np.testing.assert_allclose(found.rewards, rewards, rtol=1e-13)
+    by_state, by_modulus = np.zeros(len(found.state)), 0.0
+    scale = max(np.abs(found.actions).max(), 1e-6)
+    for t, step in reversed(list(enumerate(steps))):
+        by_action = step.reward_action + by_state @ step.B
+        by_modulus += step.reward_parameters[0] + by_state @ step.P[:, 0]
+        by_state = step.reward_state + by_state @ step.A
+        np.testing.assert_allclose(found.actions[t], by_action, atol=1e-10 * scale)
+    scale = np.abs(by_state).max()
+    np.testing.assert_allclose(found.state, by_state, rtol=1e-9, atol=1e-10 * scale)
+    np.testing.assert_allclose(found.parameters, [by_modulus], rtol=1e-9)

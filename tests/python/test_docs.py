@@ -16,11 +16,14 @@ from conftest import SWING_UP
 from rodgym.errors import ParameterError
 
 THRUST = "rodgym/FinThrust-v0"
-DOCS = sorted((Path(__file__).parents[2] / "docs").glob("*.md"))
+ROOT = Path(__file__).parents[2] / "docs"
+DOCS = sorted(ROOT.rglob("*.md"))
 
 
 @pytest.mark.parametrize(
-    "page", [page for page in DOCS if ">>> " in page.read_text()], ids=lambda page: page.name
+    "page",
+    [page for page in DOCS if ">>> " in page.read_text()],
+    ids=lambda page: str(page.relative_to(ROOT)),
 )
 def test_pages(page):
     if "stable_baselines3" in page.read_text():
@@ -38,15 +41,15 @@ def test_docstrings(name):
 
 def test_environment_pages_are_those_of_the_docstrings():
     for name, title, environment in pages.PAGES:
-        written = (DOCS[0].parent / name).read_text()
-        assert written == pages.page(title, environment), "run python docs/pages.py"
+        written = (ROOT / name).read_text()
+        assert written == pages.page(name, title, environment), "run python docs/pages.py"
 
 
 @pytest.mark.parametrize(("page", "env_id"), [("pendulum.md", SWING_UP), ("fin.md", THRUST)])
 def test_the_page_lists_every_keyword_with_default_range_and_unit(page, env_id):
     env = gym.make(env_id).unwrapped
     rows = {}
-    for line in (DOCS[0].parent / page).read_text().split("## Arguments")[1].splitlines():
+    for line in (ROOT / page).read_text().split("## Arguments")[1].splitlines():
         cells = [cell.strip() for cell in line.strip("| \n").split("|")]
         if line.startswith("| `"):
             rows[cells[0].strip("`")] = cells[1:]

@@ -63,17 +63,20 @@ PLAY = ("--seeds", "2", *SHORT, "--runs")
 #: None: it needs none at all.
 COMMANDS: list[tuple[str, list[str], set[str] | None]] = [
     ("list", ["list"], None),
+    ("list of one", ["list", "PendulumSwingUp"], None),
+    ("doctor", ["doctor"], None),
+    ("completion", ["completion", "bash"], None),
     ("evaluate", ["evaluate", "lqr", *PLAY, "evaluate"], None),
-    ("steps", ["evaluate", "lqr", "--trajectories", "parquet", *PLAY, "steps"], {"data"}),
+    ("steps", ["evaluate", "lqr", "--trajectories", "parquet", *PLAY, "steps"], {"data", "lab"}),
     ("evaluate-zoo", ["evaluate", "zoo", *PLAY, "evaluate-zoo"], {"train"}),
-    ("gif", ["render", "lqr", "lqr.gif", *SHORT], {"render", "report", "train", "ray"}),
+    ("gif", ["render", "lqr", "lqr.gif", *SHORT], {"render", "report", "train", "ray", "lab"}),
     ("film", ["render", "lqr", "lqr.mp4", *SHORT], {"render", "report", "train"}),
     ("strip", ["render", "zoo", "zoo.png", *SHORT], {"train"}),
     ("window", ["render", "lqr", "--show", *SHORT], {"render"}),
     (
         "compare",
         ["compare", "--policy", "lqr", "--controller", "zero", *PLAY, "compare"],
-        {"report", "train"},
+        {"report", "train", "lab"},
     ),
     ("compare-zoo", ["compare", "--policy", "zoo", *PLAY, "compare-zoo"], {"train"}),
     (
@@ -88,7 +91,7 @@ COMMANDS: list[tuple[str, list[str], set[str] | None]] = [
          "distil"],
         {"train"},
     ),
-    ("study", ["study", "plan.yml", "--runs", "study"], {"report", "ray", "train"}),
+    ("study", ["study", "plan.yml", "--runs", "study"], {"report", "ray", "train", "lab"}),
     ("serve", ["serve", "--version"], None),
     (
         "remote",
@@ -146,7 +149,8 @@ def test_what_is_missing_is_told_with_the_fewest_extras_for_all_that_is_needed()
     assert extras_with(["matplotlib", "jinja2", "PIL"]) == ("report",)
     assert extras_with(["stable_baselines3", "yaml", "matplotlib"]) == ("train",)
     assert extras_with(["pygame", "stable_baselines3"]) == ("render", "train")
-    assert extras_with(["scipy"]) is None
+    assert extras_with(["cv2", "scipy"]) == ("lab",)
+    assert extras_with(["control"]) is None
     assert missing(["json"]) is None
     assert missing(["json", "no_such_module"]) == "this needs no_such_module"
 
@@ -156,7 +160,7 @@ def test_the_extras_are_those_of_the_project():
     listed = tomllib.loads(PROJECT.read_text())["project"]["optional-dependencies"]
     names = {"stable-baselines3": "stable_baselines3", "sb3-contrib": "sb3_contrib",
              "pyyaml": "yaml", "pyzmq": "zmq", "pillow": "PIL",
-             "imageio-ffmpeg": "imageio_ffmpeg"}  # fmt: skip
+             "imageio-ffmpeg": "imageio_ffmpeg", "opencv-python-headless": "cv2"}  # fmt: skip
     for extra, modules in EXTRAS.items():
         packages = {re.split(r"[<>=\[]", text)[0] for text in listed[extra]}
         # PyTorch is a requirement of Stable-Baselines3.

@@ -235,3 +235,18 @@ def test_stable_baselines_gets_one_image_an_environment() -> None:
     assert [image.shape for image in images] == [(480, 480, 3)] * 2
     tiled = venv.render()
     assert tiled is not None and tiled.shape[2] == 3 and tiled.size >= 2 * images[0].size
+
+
+def test_notebooks_show_environments_batches_and_episodes() -> None:
+    from rodgym.evaluation import record
+
+    env = gym.make(SWING_UP)
+    env.reset(seed=0)
+    shown = ElementTree.fromstring(env.unwrapped._repr_html_())
+    assert shown.tag.endswith("svg")
+    envs = gym.make_vec(SWING_UP, num_envs=6)
+    envs.reset(seed=0)
+    assert envs._repr_html_().count("<svg") == 4 and "6 environments" in envs._repr_html_()
+    episode = record("lqr", SWING_UP, frame_rate=10.0, max_seconds=0.5)
+    assert "data:image/gif;base64,R0lGOD" in episode._repr_html_()
+    assert "<img" not in record("lqr", SWING_UP, max_seconds=0.1)._repr_html_()

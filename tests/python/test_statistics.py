@@ -14,6 +14,7 @@ from rodgym.evaluation.statistics import (
     middle,
     performance_profile,
     probability_of_improvement,
+    ratio,
     summary,
     trimmed_mean,
 )
@@ -159,3 +160,15 @@ def test_the_plots_of_many_seeds(tmp_path, rng):
         pixels = np.asarray(Image.open(tmp_path / f"{name}.png").convert("RGB"), np.int16)
         # Blue, the first policy's colour, was drawn.
         assert (np.abs(pixels - [0x00, 0x72, 0xB2]).sum(axis=-1) < 30).sum() > 50, name
+
+
+def test_a_ratio_of_means_draws_the_same_episodes_for_both():
+    """Episodes that differ much among themselves do not blur a factor that all of them have."""
+    hard = np.linspace(1.0, 100.0, 30)
+    found = ratio(np.tile(1.2 * hard, (3, 1)), hard, resamples=100)
+    assert found.value == pytest.approx(1.2)
+    assert found.low == pytest.approx(1.2) and found.high == pytest.approx(1.2)
+    spread = ratio(np.stack([1.1 * hard, 1.3 * hard]), hard, resamples=500)
+    assert spread.low == pytest.approx(1.1) and spread.high == pytest.approx(1.3)
+    with pytest.raises(ParameterError, match="same episodes"):
+        ratio(hard, hard[:-1])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import gymnasium as gym
 import numpy as np
 import pytest
-from conftest import BALANCE, SWING_UP
+from conftest import BALANCE, FINS, SWING_UP
 
 torch = pytest.importorskip("torch")
 
@@ -15,11 +15,14 @@ def plan(steps, num_envs):
     return (0.8 * torch.sin(angles)).reshape(steps, num_envs, 1)
 
 
-def test_gradients_of_a_rollout_are_those_of_the_core():
+UPRIGHT = {"state": {"angles": [2.0] * 6, "rates": [0.0] * 6}}
+
+
+@pytest.mark.parametrize(("machine", "start"), [(SWING_UP, UPRIGHT), (FINS[0], None)])
+def test_gradients_of_a_rollout_are_those_of_the_core(machine, start):
     from rodgym.torch import step
 
-    envs = gym.make_vec(SWING_UP, num_envs=3)
-    start = {"state": {"angles": [2.0] * 6, "rates": [0.0] * 6}}
+    envs = gym.make_vec(machine, num_envs=3)
     envs.reset(seed=1, options=start)
     # (Environments take actions in single precision.)
     actions = plan(6, 3).float().requires_grad_()

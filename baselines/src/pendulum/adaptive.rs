@@ -151,6 +151,9 @@ impl Controller for LqgAdaptive {
     fn numbers(&self) -> Option<Vec<u8>> {
         saved::written(&self.numbers)
     }
+    fn parameters(&self) -> Vec<(&'static str, f64)> {
+        [self.numbers.schedule.first().parameters(), self.numbers.noise.by_name()].concat()
+    }
     fn start(&self, observation: &[f32], state: &mut [f64]) {
         state.fill(0.0);
         let row = self.row(state);

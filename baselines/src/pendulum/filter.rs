@@ -256,7 +256,7 @@ impl<R: Real> Filter<R> {
 
     /// exp(A t) for half of the period and for all of it, by a Taylor series of a fraction, squared back.
     #[inline(always)]
-    fn transition(&self, slope: &Slope<R>) -> ([State<R>; STATE], [State<R>; STATE]) {
+    pub(super) fn transition(&self, slope: &Slope<R>) -> ([State<R>; STATE], [State<R>; STATE]) {
         let mut fraction = self.dt;
         for _ in 0..self.pace.halvings {
             fraction *= 0.5;
@@ -350,7 +350,7 @@ impl<R: Real> Filter<R> {
 }
 
 /// Highest frequency of a rod's model about up \[rad/s\].
-fn fastest(rod: &RodDesign) -> f64 {
+pub(super) fn fastest(rod: &RodDesign) -> f64 {
     let chain = Chain::new(rod, ORDER);
     let mut up = chain.straight(PI);
     up.resize(2 * chain.coordinates(), 0.0);

@@ -17,6 +17,7 @@ use std::f64::consts::PI;
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct HybridLqr {
     rod: RodDesign,
+    weights: Weights,
     gain: Vec<f64>,
     swing_amplitude: f64,
     swing_frequency: f64,
@@ -40,7 +41,7 @@ impl HybridLqr {
         let (q, r) = weights.matrices(rod.edges());
         let sampled = sample_cost(&model.a, &model.b, &q, &r, rod.control_dt);
         let solution = dare(&sampled.a, &sampled.b, &sampled.q, &sampled.r, Some(&sampled.n))?;
-        Ok(HybridLqr::with_gain(rod, solution.gain.iter().copied().collect()))
+        Ok(HybridLqr::with_gain(rod, weights, solution.gain.iter().copied().collect()))
     }
 
     /// The gain of the thesis' continuous design, sampled and held all the same: what becomes of it on
@@ -50,12 +51,14 @@ impl HybridLqr {
     /// As [`HybridLqr::new`].
     pub fn literal(rod: RodDesign) -> Result<Self> {
         let design = ThesisDesign::new(&rod, ProcessNoise::Torque)?;
-        Ok(HybridLqr::with_gain(rod, design.regulator.iter().copied().collect()))
+        let gain = design.regulator.iter().copied().collect();
+        Ok(HybridLqr::with_gain(rod, Weights::default(), gain))
     }
 
-    fn with_gain(rod: RodDesign, gain: Vec<f64>) -> Self {
+    fn with_gain(rod: RodDesign, weights: Weights, gain: Vec<f64>) -> Self {
         HybridLqr {
             gain,
+            weights,
             swing_amplitude: SWING_AMPLITUDE,
             swing_frequency: libm::sqrt(rod.gravity / rod.length),
             rod,
@@ -120,6 +123,15 @@ impl Controller for HybridLqr {
     }
     fn numbers(&self) -> Option<Vec<u8>> {
         saved::written(self)
+    }
+    fn parameters(&self) -> Vec<(&'static str, f64)> {
+        let mut named = self.weights.by_name();
+        named.extend([
+            ("switch_angle", SWITCH_ANGLE),
+            ("swing_amplitude", self.swing_amplitude),
+            ("swing_frequency", self.swing_frequency),
+        ]);
+        named
     }
     fn start(&self, _observation: &[f32], state: &mut [f64]) {
         state[0] = 0.0;

@@ -2,6 +2,7 @@
 
 use super::RodDesign;
 use nalgebra::DMatrix;
+use serde::{Deserialize, Serialize};
 
 /// z' = A z + B u, y = C z.
 #[derive(Clone, Debug, PartialEq)]
@@ -15,7 +16,7 @@ pub struct LinearModel {
 }
 
 /// Weights of the regulator's cost, thesis (4.14).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Weights {
     /// Q_theta, on every angle \[1/rad^2\].
     pub angle: f64,
@@ -33,6 +34,15 @@ impl Default for Weights {
 }
 
 impl Weights {
+    /// The weights by name, for reports.
+    pub fn by_name(&self) -> Vec<(&'static str, f64)> {
+        vec![
+            ("angle_weight", self.angle),
+            ("rate_weight", self.rate),
+            ("torque_weight", self.torque),
+        ]
+    }
+
     /// Q and R for a chain of `edges`.
     pub fn matrices(&self, edges: usize) -> (DMatrix<f64>, DMatrix<f64>) {
         let diagonal = |i: usize| if i < edges { self.angle } else { self.rate };

@@ -109,6 +109,9 @@ impl Controller for Lqg {
     fn numbers(&self) -> Option<Vec<u8>> {
         saved::written(&self.numbers)
     }
+    fn parameters(&self) -> Vec<(&'static str, f64)> {
+        [self.numbers.regulator.parameters(), self.numbers.noise.by_name()].concat()
+    }
     fn start(&self, observation: &[f32], state: &mut [f64]) {
         state.fill(0.0);
         state[1] = self.numbers.regulator.start();

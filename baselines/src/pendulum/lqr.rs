@@ -39,28 +39,27 @@ impl Lqr {
     pub fn regulator(&self) -> &Regulator {
         &self.regulator
     }
+}
 
-    /// Coordinates and rates of an observation, the angle followed along the rod.
-    fn state_of(&self, observation: &[f32]) -> [f64; 2 * ORDER] {
-        let chain = self.regulator.chain();
-        let n = chain.edges();
-        let edge = |i: usize| (observation[i] as f64, observation[n + i] as f64);
-        let (cos, sin) = edge(0);
-        let mut angle = libm::atan2(sin, cos);
-        let angles = (0..n).map(|i| {
-            if i > 0 {
-                let ((c0, s0), (c1, s1)) = (edge(i - 1), edge(i));
-                angle += libm::atan2(c0 * s1 - s0 * c1, c0 * c1 + s0 * s1);
-            }
-            angle
-        });
-        let mut state = [0.0; 2 * ORDER];
-        let (q, rates) = state.split_at_mut(chain.coordinates());
-        chain.project(angles, q);
-        let measured = observation[2 * n..].iter().map(|rate| *rate as f64 * RATE_SCALE);
-        chain.project(measured, &mut rates[..chain.coordinates()]);
-        state
-    }
+/// Coordinates and rates of an observation, the angle followed along the rod; padded with zeros.
+pub(super) fn state_of(chain: &Chain, observation: &[f32]) -> [f64; 2 * ORDER] {
+    let n = chain.edges();
+    let edge = |i: usize| (observation[i] as f64, observation[n + i] as f64);
+    let (cos, sin) = edge(0);
+    let mut angle = libm::atan2(sin, cos);
+    let angles = (0..n).map(|i| {
+        if i > 0 {
+            let ((c0, s0), (c1, s1)) = (edge(i - 1), edge(i));
+            angle += libm::atan2(c0 * s1 - s0 * c1, c0 * c1 + s0 * s1);
+        }
+        angle
+    });
+    let mut state = [0.0; 2 * ORDER];
+    let (q, rates) = state.split_at_mut(chain.coordinates());
+    chain.project(angles, q);
+    let measured = observation[2 * n..].iter().map(|rate| *rate as f64 * RATE_SCALE);
+    chain.project(measured, &mut rates[..chain.coordinates()]);
+    state
 }
 
 /// Refuses observations that are not those of every edge.
@@ -92,13 +91,16 @@ impl Controller for Lqr {
     fn numbers(&self) -> Option<Vec<u8>> {
         saved::written(self)
     }
+    fn parameters(&self) -> Vec<(&'static str, f64)> {
+        self.regulator.parameters()
+    }
     fn start(&self, _observation: &[f32], state: &mut [f64]) {
         state[0] = self.regulator.start();
     }
     fn act(&self, observation: &[f32], state: &mut [f64], action: &mut [f32]) {
-        let x = self.state_of(observation);
-        let n = 2 * self.regulator.chain().coordinates();
-        let torque = self.regulator.torque(&x[..n], &mut state[0]);
+        let chain = self.regulator.chain();
+        let x = state_of(chain, observation);
+        let torque = self.regulator.torque(&x[..2 * chain.coordinates()], &mut state[0]);
         let limit = self.regulator.chain().rod().torque_limit;
         action[0] = (torque / limit).clamp(-1.0, 1.0) as f32;
     }

@@ -34,6 +34,16 @@ impl Noise {
     pub const LEARNER: Noise =
         Noise { angle: 1e-3, rate: 1.0, process: 1e-5, process_rate: 1e-4, start: 1e-2 };
 
+    /// What it believes, by name, for reports.
+    pub fn by_name(&self) -> Vec<(&'static str, f64)> {
+        vec![
+            ("angle_noise", self.angle),
+            ("rate_noise", self.rate),
+            ("process_noise", self.process),
+            ("process_rate_noise", self.process_rate),
+        ]
+    }
+
     /// With what an environment's keyword `sensor_noise` says, where that is more.
     pub fn with_sensors(self, config: &Map<String, Value>) -> Self {
         let read = |name: &str, least: f64| {

@@ -34,7 +34,7 @@ const SURPLUS: f64 = 0.15;
 /// dynamics.
 ///
 /// Without units: rates count in units of sqrt(g/L), torque in units of the limit. In less gravity than
-/// [`PACE`] a dear motor would stand still, since nothing falls: there the law turns the rod with the
+/// `PACE` a dear motor would stand still, since nothing falls: there the law turns the rod with the
 /// torque that gravity of that size would need.
 pub fn gentle_weights(rod: &RodDesign) -> Weights {
     if rod.gravity < PACE {
@@ -62,6 +62,7 @@ fn pace(rod: &RodDesign) -> f64 {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Regulator {
     chain: Chain,
+    weights: Weights,
     gain: DVector<f64>,
     cost: DMatrix<f64>,
     up: Vec<f64>,
@@ -118,7 +119,15 @@ impl Regulator {
             pumps: rod.gravity >= PACE || rod.torque_limit < weight,
             up,
             chain,
+            weights,
         })
+    }
+
+    /// What the design settled on, by name: weights, and the most torque \[N m\] that it asks for.
+    pub fn parameters(&self) -> Vec<(&'static str, f64)> {
+        let mut named = self.weights.by_name();
+        named.push(("most_torque", self.limit));
+        named
     }
 
     /// The model in whose coordinates the law is written.

@@ -2,7 +2,7 @@
 
 use super::hybrid::{SWING_AMPLITUDE, SWITCH_ANGLE};
 use super::lqg::{measured, needs_base};
-use super::{ProcessNoise, RodDesign, ThesisDesign};
+use super::{ProcessNoise, RodDesign, ThesisDesign, Weights};
 use crate::controller::Controller;
 use crate::error::Result;
 use crate::linalg::sample;
@@ -62,6 +62,16 @@ impl Controller for ThesisLqg {
     }
     fn numbers(&self) -> Option<Vec<u8>> {
         saved::written(self)
+    }
+    fn parameters(&self) -> Vec<(&'static str, f64)> {
+        // Those of `ThesisDesign`.
+        let mut named = Weights::default().by_name();
+        named.extend([
+            ("switch_angle", SWITCH_ANGLE),
+            ("swing_amplitude", SWING_AMPLITUDE),
+            ("swing_frequency", self.swing_frequency),
+        ]);
+        named
     }
     fn start(&self, _observation: &[f32], state: &mut [f64]) {
         state.fill(0.0);

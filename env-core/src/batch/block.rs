@@ -46,7 +46,9 @@ pub struct Environment<M: Machine, R: Real> {
     pub machine: M,
     pub task: Box<dyn Scorer<M, R>>,
     /// The same task, for derivatives.
-    pub task_of_slopes: Box<dyn Scorer<M, Dual>>,
+    pub task_of_slopes: Arc<dyn Scorer<M, Dual>>,
+    /// The same task, for one environment.
+    pub task_of_one: Arc<dyn Scorer<M, f64>>,
     pub spec: Spec,
     pub rules: Rules,
 }

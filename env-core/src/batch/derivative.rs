@@ -6,7 +6,7 @@ use super::machine::{Differentiated, Machine};
 use super::task::Outcome;
 use crate::error::{Error, Result};
 use crate::isa::Isa;
-use crate::lane::{Dual, Lanewise, Real};
+use crate::lane::{DIRECTIONS, Dual, Lanewise, Real};
 use crate::seed::Stream;
 use crate::simulation::Named;
 use crate::spec::Spec;
@@ -73,15 +73,20 @@ impl<M: Machine, R: Real> Block<M, R> {
         let mut outcome = Outcome::new(self.outcome.terms.len());
         let mut sensors = vec![0.0; machine.observation().size()];
         // Where each step begins, and what its reward depends on: the state after it, the action, parameters.
-        let (mut steps, mut rewards) = (vec![], vec![]);
+        let (mut steps, mut rewards, mut groups) = (vec![], vec![], vec![]);
         for (t, action) in actions.chunks(size).enumerate() {
             let start = (plant.clone(), stream.clone());
             if !machine.advance(&mut plant, action, &mut stream)? {
                 return Err(self.failed(spec, lane, t));
             }
-            let mut slopes = vec![];
-            for group in machine.variables(&plant, chosen)? {
-                task.score(Isa::Baseline, machine, &group, &mut outcome);
+            if groups.is_empty() {
+                groups = machine.variables(&plant, chosen)?;
+            } else {
+                machine.renew(&mut groups, &plant);
+            }
+            let mut slopes = Vec::with_capacity(groups.len() * DIRECTIONS);
+            for group in &groups {
+                task.score(Isa::Baseline, machine, group, &mut outcome);
                 slopes.extend(outcome.reward.slopes);
             }
             rewards.push(outcome.reward.value);
@@ -97,8 +102,9 @@ impl<M: Machine, R: Real> Block<M, R> {
         let mut by_state = vec![0.0; machine.vector(&plant)?.len()];
         for (t, ((plant, mut stream), slopes)) in steps.into_iter().enumerate().rev() {
             let action = &actions[t * size..(t + 1) * size];
-            let s = by_state.len();
+            let s = by_state.len() + machine.measured();
             let mut gradient = by_state;
+            gradient.resize(s, 0.0);
             gradient.iter_mut().zip(&slopes).for_each(|(to, slope)| *to += slope);
             let pulled = machine.pull_back(&plant, action, chosen, &mut stream, &gradient)?;
             let pulled = pulled.ok_or_else(|| self.failed(spec, lane, t))?;
@@ -122,7 +128,7 @@ impl<M: Machine, R: Real> Block<M, R> {
     }
 
     /// The plant and the random stream of one environment.
-    fn one(&self, machine: &M, lane: usize) -> Result<(M::Plant<f64>, Stream)> {
+    pub(super) fn one(&self, machine: &M, lane: usize) -> Result<(M::Plant<f64>, Stream)> {
         if !self.clocks[lane].begun {
             return Err(Error::NotReset);
         }

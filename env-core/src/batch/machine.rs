@@ -46,7 +46,7 @@ pub trait Machine: Clone + Send + Sync + Sized + 'static {
     type Setup: Default;
     /// `R::LANES` environments side by side: parameters, state, memory for the steppers. Its numbers are all that the
     /// future depends on.
-    type Plant<R: Real>: Lanewise<R> + Clone + Send;
+    type Plant<R: Real>: Lanewise<R> + Clone + Send + Sync;
     /// Checked reset options.
     type Start: Send + Sync + Default;
 
@@ -131,7 +131,37 @@ pub trait Machine: Clone + Send + Sync + Sized + 'static {
     ) -> Result<Option<Differentiated<Self::Plant<Dual>>>> {
         Err(no_derivatives(Self::NAME))
     }
-    /// A plant as it is, in such groups: by its state, its last action and parameters.
+    /// As few numbers as the plant's future depends on, and no fewer: its vector, unless parts of that matter together.
+    ///
+    /// # Errors
+    /// A machine without derivatives.
+    fn essence(&self, plant: &Self::Plant<f64>) -> Result<Vec<f64>> {
+        self.vector(plant)
+    }
+    /// `differentiate` by the numbers of `essence`, which `next` then has; no parameters.
+    ///
+    /// # Errors
+    /// A machine without derivatives.
+    fn differentiate_essence(
+        &self,
+        plant: &Self::Plant<f64>,
+        action: &[f64],
+        stream: &mut Stream,
+    ) -> Result<Option<Differentiated<Self::Plant<Dual>>>> {
+        self.differentiate(plant, action, &[], stream)
+    }
+    /// Positions \[m\], then velocities \[m/s\], of the nodes that move: what quadratic costs count. Empty where there are
+    /// none to choose.
+    fn coordinates<R: Real>(&self, _plant: &Self::Plant<R>) -> Vec<R> {
+        vec![]
+    }
+    /// How many numbers, beside the state, its last control step is measured by: what sensors and tasks see and the next
+    /// step does not depend on.
+    fn measured(&self) -> usize {
+        0
+    }
+    /// A plant as it is, in such groups: by its state, by what its last control step is measured by, by its last action
+    /// and by parameters.
     ///
     /// # Errors
     /// A machine without derivatives.
@@ -141,6 +171,18 @@ pub trait Machine: Clone + Send + Sync + Sized + 'static {
         _chosen: &[usize],
     ) -> Result<Vec<Self::Plant<Dual>>> {
         Err(no_derivatives(Self::NAME))
+    }
+    /// Brings such groups of a plant up to a later state of it, in the same episode: only values and what follows from them
+    /// change, what they are differentiated by does not.
+    fn renew(&self, groups: &mut [Self::Plant<Dual>], plant: &Self::Plant<f64>) {
+        let mut values = vec![];
+        plant.visit(&mut |x: &f64| values.push(*x));
+        for group in groups {
+            let mut next = values.iter();
+            group.visit_mut(&mut |to: &mut Dual| {
+                to.value = *next.next().expect("both have the same shape");
+            });
+        }
     }
     /// `step` of one plant, of which derivatives are wanted later; whether the solver succeeded.
     ///
@@ -155,7 +197,7 @@ pub trait Machine: Clone + Send + Sync + Sized + 'static {
         Err(no_derivatives(Self::NAME))
     }
     /// The way back through the control step from this plant on: from the `gradient` of a number by the state after the
-    /// step to those by what it starts from. The other arguments are those of `differentiate`.
+    /// step, and by what it is measured by, to those by what it starts from. The other arguments are those of `differentiate`.
     ///
     /// # Errors
     /// A machine without derivatives.

@@ -7,15 +7,17 @@ mod block;
 mod derivative;
 mod machine;
 mod pool;
+mod rehearsal;
 mod task;
 
 pub use machine::{Differentiated, Gradient, Machine};
+pub use rehearsal::{Expansion, Rehearsal};
 pub use task::{Outcome, Scorer, Task};
 
 use crate::draw::Draw;
 use crate::env::{
     AutoresetMode, LongStep, NodeState, ResetOptions, Saved, Scene, Seeds, Settings, Spec,
-    StepData, VectorEnv,
+    StepData, VectorEnv, rows,
 };
 use crate::error::{Error, Result};
 use crate::given::place;
@@ -53,6 +55,8 @@ pub struct Batch<M: Machine, R: Real> {
     num_envs: usize,
     threads: usize,
     pool: Option<Pool>,
+    /// Threads of derivatives, which are worth more of them than steps are.
+    derivative_pool: Option<Pool>,
     /// Numbers that a control step changes, times its physics steps.
     work: f64,
     /// How long the last step took, where steps may be long.
@@ -174,14 +178,24 @@ impl<M: Machine, R: Real> Batch<M, R> {
             isa,
         };
         let spec = spec::<T>(id, &machine);
-        let (task, task_of_slopes) = (Box::new(task.clone()), Box::new(task.clone()));
-        let env = Environment { machine, task, task_of_slopes, spec, rules };
+        let (task_of_slopes, task_of_one) = (Arc::new(task.clone()), Arc::new(task.clone()));
+        let task = Box::new(task.clone());
+        let env = Environment { machine, task, task_of_slopes, task_of_one, spec, rules };
         let block = |first| Block::new(&env, R::LANES.min(n - first), first as u64);
         let blocks: Vec<_> = (0..n).step_by(R::LANES).map(block).collect();
         let work = blocks[0].numbers() as f64 * n as f64 * env.machine.control_dt()
             / env.machine.physics_dt();
         let threads = options.num_threads;
-        Ok(Batch { env, blocks, num_envs: n, threads, pool: None, work, took: None })
+        Ok(Batch {
+            env,
+            blocks,
+            num_envs: n,
+            threads,
+            pool: None,
+            derivative_pool: None,
+            work,
+            took: None,
+        })
     }
 
     fn place(&self, index: usize) -> Result<(usize, usize)> {
@@ -266,6 +280,32 @@ impl<M: Machine, R: Real> Batch<M, R> {
         let table = self.env.machine.parameter_table();
         let known: Vec<_> = table.iter().map(|parameter| parameter.name).collect();
         parameters.iter().map(|name| place(name, &known)).collect()
+    }
+
+    /// What `derive` finds for every environment and its row of `actions`, an environment a thread.
+    fn over_threads(
+        &mut self,
+        actions: &[f32],
+        derive: impl Fn(&Self, usize, &[f32]) -> Result<Vec<Named>> + Sync,
+    ) -> Result<Vec<Named>> {
+        struct Row<'a> {
+            index: usize,
+            actions: &'a [f32],
+            found: Result<Vec<Named>>,
+        }
+        let row = |(index, actions)| Row { index, actions, found: Ok(vec![]) };
+        let mut rows: Vec<Row<'_>> = rows(actions, self.num_envs).map(row).collect();
+        let threads = self.threads.min(self.num_envs);
+        let mut pool = self.derivative_pool.take();
+        let batch = &*self;
+        let work = |_: usize, row: &mut Row<'_>| row.found = derive(batch, row.index, row.actions);
+        if threads == 1 {
+            rows.iter_mut().for_each(|row| work(0, row));
+        } else {
+            ensure_pool(&mut pool, threads)?.share(&mut rows, work);
+        }
+        self.derivative_pool = pool;
+        Ok(Named::stack(rows.into_iter().map(|row| row.found).collect::<Result<_>>()?))
     }
 
     /// Threads that a step really uses.
@@ -358,6 +398,7 @@ impl<M: Machine, R: Real> VectorEnv for Batch<M, R> {
         for (k, index) in range.clone().enumerate() {
             let mut draws = self.draws_of(index).to_vec();
             changes.make(k, &mut draws);
+            Draw::check_together(&draws, machine.parameter_table())?;
             // Neighbours are often alike.
             changed.push(match changed.last() {
                 Some(Some(last)) if **last == *draws => Some(last.clone()),
@@ -437,6 +478,24 @@ impl<M: Machine, R: Real> VectorEnv for Batch<M, R> {
         check_length("actions", actions.len(), actions.len().div_ceil(size) * size)?;
         let chosen = self.check_derivative(index, actions, parameters)?;
         self.blocks[block].rollout_gradient(&self.env, lane, actions, &chosen)
+    }
+
+    fn step_jacobians(&mut self, actions: &[f32], parameters: &[String]) -> Result<Vec<Named>> {
+        check_length("actions", actions.len(), self.num_envs * self.env.spec.action.size())?;
+        self.over_threads(actions, |batch, index, row| batch.step_jacobian(index, row, parameters))
+    }
+
+    fn rollout_gradients(&mut self, actions: &[f32], parameters: &[String]) -> Result<Vec<Named>> {
+        let row = self.num_envs * self.env.spec.action.size();
+        check_length("actions", actions.len(), actions.len().div_ceil(row) * row)?;
+        self.over_threads(actions, |batch, index, row| {
+            batch.rollout_gradient(index, row, parameters)
+        })
+    }
+
+    fn rehearsal(&self, index: usize) -> Result<Box<dyn Rehearsal>> {
+        let (block, lane) = self.place(index)?;
+        self.blocks[block].rehearsal(&self.env, lane)
     }
 
     fn simulation(&self, index: usize) -> Result<Box<dyn Simulation>> {

@@ -34,6 +34,16 @@ pub trait Task: Clone + Send + Sync + 'static {
         plant: &<Self::Machine as Machine>::Plant<R>,
         terms: &mut [R],
     ) -> R::Mask;
+    /// Adds numbers of which half the squares' sum is what the step just taken has lost of the most that it could be
+    /// paid, exactly or nearly: their slopes give the reward a curvature that is never of the wrong sign (Gauss and
+    /// Newton). None where a reward has no such shape.
+    fn residuals<R: Real>(
+        &self,
+        _machine: &Self::Machine,
+        _plant: &<Self::Machine as Machine>::Plant<R>,
+        _out: &mut Vec<R>,
+    ) {
+    }
     /// *Hot.* Writes its metrics.
     fn metrics<R: Real>(
         &self,
@@ -93,6 +103,8 @@ pub trait Scorer<M: Machine, R: Real>: Send + Sync {
     fn observation_size(&self) -> usize;
     /// Writes the numbers of the observation that are the task's.
     fn observe(&self, isa: Isa, plant: &M::Plant<R>, observation: &mut [R]);
+    /// See `Task::residuals`.
+    fn residuals(&self, machine: &M, plant: &M::Plant<R>, out: &mut Vec<R>);
     /// See `Task::scene`.
     fn scene(&self, plant: &M::Plant<R>, lane: usize, scene: &mut Scene);
 }
@@ -116,6 +128,15 @@ impl<T: Task, R: Real> Scorer<T::Machine, R> for T {
         if !observation.is_empty() {
             dispatch(isa, Observe { task: self, plant, observation });
         }
+    }
+
+    fn residuals(
+        &self,
+        machine: &T::Machine,
+        plant: &<T::Machine as Machine>::Plant<R>,
+        out: &mut Vec<R>,
+    ) {
+        Task::residuals(self, machine, plant, out);
     }
 
     fn scene(&self, plant: &<T::Machine as Machine>::Plant<R>, lane: usize, scene: &mut Scene) {

@@ -90,7 +90,7 @@ impl<R: Real> Body<R> {
     }
 
     /// Makes rod, water and hull as the parameters say.
-    fn shape(&mut self) {
+    pub(super) fn shape(&mut self) {
         self.design.geometry.shape(&self.parameters, &mut self.rod);
         self.water = self.design.geometry.water(&self.parameters);
         if self.design.free_swimming {

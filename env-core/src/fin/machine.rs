@@ -1,17 +1,18 @@
 //! The fin as a machine that a batch can run.
 
 use super::config::{self, Config, Setup};
+use super::derivative;
 use super::parameters::{Parameters, WATER_DENSITY};
 use super::plant::{Plant, Start};
 use super::sensors;
 use super::sim::BareFin;
-use crate::batch::Machine;
+use crate::batch::{Differentiated, Gradient, Machine};
 use crate::draw::{Draw, exact_parameters};
 use crate::episodes::ResetOptions;
 use crate::error::{Error, Result};
 use crate::fluid::terms::ByKind;
 use crate::keywords::{Keyword, Parameter};
-use crate::lane::{Lanewise, Mask, Real};
+use crate::lane::{Dual, Lanewise, Mask, Real};
 use crate::rod::curvature;
 use crate::scene::{NodeState, Scene};
 use crate::seed::Stream;
@@ -36,6 +37,23 @@ impl Fin {
     /// The configuration.
     pub fn config(&self) -> &Config {
         &self.config
+    }
+
+    /// Draws what is added to a command on its way, if anything is.
+    #[inline(always)]
+    fn disturbance<R: Real>(&self, active: R::Mask, streams: &mut [Stream]) -> Option<R> {
+        let deviation = self.config.disturbance;
+        let draw = |lane: usize| {
+            if active.get(lane) { deviation * streams[lane].normal() } else { 0.0 }
+        };
+        (deviation > 0.0).then(|| R::from_fn(draw))
+    }
+
+    /// What a control step is told.
+    fn told(&self, action: &[f64], stream: &mut Stream) -> derivative::Told {
+        let disturbance = self.disturbance(true, std::slice::from_mut(stream));
+        let clipped = action[0].clamp(-1.0, 1.0);
+        derivative::Told { action: clipped, inside: clipped == action[0], disturbance }
     }
 }
 
@@ -132,12 +150,47 @@ impl Machine for Fin {
         streams: &mut [Stream],
         watch: Watch<'_>,
     ) -> R::Mask {
-        let deviation = self.config.disturbance;
-        let draw = |lane: usize| {
-            if active.get(lane) { deviation * streams[lane].normal() } else { 0.0 }
-        };
-        let disturbance = (deviation > 0.0).then(|| R::from_fn(draw));
+        let disturbance = self.disturbance(active, streams);
         plant.control_step(&self.config, actions[0], disturbance, watch)
+    }
+
+    fn vector(&self, plant: &Plant<f64>) -> Result<Vec<f64>> {
+        Ok(derivative::plant_vector(&self.config, plant))
+    }
+
+    fn measured(&self) -> usize {
+        derivative::measured()
+    }
+
+    fn differentiate(
+        &self,
+        plant: &Plant<f64>,
+        action: &[f64],
+        chosen: &[usize],
+        stream: &mut Stream,
+    ) -> Result<Option<Differentiated<Plant<Dual>>>> {
+        derivative::differentiate(&self.config, plant, self.told(action, stream), chosen)
+    }
+
+    fn variables(&self, plant: &Plant<f64>, chosen: &[usize]) -> Result<Vec<Plant<Dual>>> {
+        Ok(derivative::variables(&self.config, plant, chosen))
+    }
+
+    fn advance(&self, plant: &mut Plant<f64>, action: &[f64], stream: &mut Stream) -> Result<bool> {
+        let told = self.told(action, stream);
+        Ok(derivative::advance(&self.config, plant, told).is_some())
+    }
+
+    fn pull_back(
+        &self,
+        plant: &Plant<f64>,
+        action: &[f64],
+        chosen: &[usize],
+        stream: &mut Stream,
+        gradient: &[f64],
+    ) -> Result<Option<Gradient>> {
+        let told = self.told(action, stream);
+        derivative::pull_back_step(&self.config, plant, told, chosen, gradient)
     }
 
     #[inline(always)]

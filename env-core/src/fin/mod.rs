@@ -7,6 +7,7 @@
 mod body;
 pub mod config;
 pub mod cycle;
+mod derivative;
 mod design;
 pub mod geometry;
 mod machine;

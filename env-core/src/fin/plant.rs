@@ -110,10 +110,9 @@ impl<R: Real> Plant<R> {
     ) {
         // Nothing has been measured yet.
         self.visit_mut(&mut |x| x.set(lane, 0.0));
-        let parameters = values(|i| {
-            let drawn = draws[i].draw(stream);
-            start.parameters.get(i).copied().flatten().unwrap_or(drawn)
-        });
+        let drawn = Draw::all(draws, stream);
+        let exact = |i: usize| start.parameters.get(i).copied().flatten();
+        let parameters = values(|i| exact(i).unwrap_or(drawn[i]));
         let mut pitch = stream.uniform(config.start_pitch.0, config.start_pitch.1);
         let demand = stream.uniform(config.demand.0, config.demand.1);
         self.body.begin(lane, &parameters, pitch);
@@ -142,41 +141,58 @@ impl<R: Real> Plant<R> {
         disturbance: Option<R>,
         watch: Watch<'_>,
     ) -> R::Mask {
-        for i in (1..self.commands.len()).rev() {
-            self.commands[i] = self.commands[i - 1];
-        }
-        self.commands[0] = action;
-        let (old, part) = (config.delay / config.substeps, config.delay % config.substeps);
+        self.control_step_by(config, action, disturbance, &mut Swung(watch))
+    }
+
+    /// The same, the physics steps taken by a stepper of one's own.
+    #[inline(always)]
+    pub(super) fn control_step_by<S: Stepper<R>>(
+        &mut self,
+        config: &Config,
+        action: R,
+        disturbance: Option<R>,
+        stepper: &mut S,
+    ) -> R::Mask {
+        self.take(action);
         let dt = config.design.physics_dt;
-        let scale = R::splat(config.pitch_limit);
         let share = R::splat(1.0 / config.substeps as f64);
         let before = self.body.now.x[config.design.geometry.pivot].x;
         let mut sound = R::Mask::splat(true);
         self.mean = Loads::default();
         for step in 0..config.substeps {
-            if watch.stops() {
+            if stepper.stops() {
                 break;
             }
-            // During the first part of the step the command before is still on its way.
-            let mut command = self.commands[if step < part { old + 1 } else { old }];
-            if let Some(disturbance) = disturbance {
-                command = (command + disturbance).clip(-1.0, 1.0);
-            }
             let pitch = self.servo.angle;
-            self.servo.advance(command * scale, &config.ticks);
-            sound = sound.and(self.body.step_unless(self.servo.angle, watch));
+            self.servo.advance(command(config, &self.commands, step, disturbance), &config.ticks);
+            sound = sound.and(stepper.step(&mut self.body, self.servo.angle));
             let loads = self.body.loads;
             self.mean.add(share, &loads);
             self.follow_stroke(pitch, dt);
         }
+        self.conclude(config, before);
+        sound
+    }
+
+    /// A new command comes in.
+    #[inline(always)]
+    pub(super) fn take(&mut self, action: R) {
+        for i in (1..self.commands.len()).rev() {
+            self.commands[i] = self.commands[i - 1];
+        }
+        self.commands[0] = action;
+    }
+
+    /// What a control step is measured by, once its physics steps are taken; `before` is where the pivot was along x.
+    #[inline(always)]
+    pub(super) fn conclude(&mut self, config: &Config, before: R) {
         let after = self.body.now.x[config.design.geometry.pivot].x;
         self.speed = (before - after) * R::splat(1.0 / config.control_dt);
         let duration = R::splat(config.control_dt);
         self.impulse += self.mean.thrust * duration;
         self.work += self.mean.power * duration;
-        let forget = R::splat(config.control_dt / (SMOOTHING + config.control_dt));
+        let forget = R::splat(forgets(config));
         self.smooth_thrust += forget * (self.mean.shed_thrust - self.smooth_thrust);
-        sound
     }
 
     /// Speed of the water past the fin, along -x of its motion \[m/s\].
@@ -210,6 +226,51 @@ impl<R: Real> Plant<R> {
         stroke.high = R::select(crossed, tail, stroke.high.max(tail));
         stroke.low = R::select(crossed, tail, stroke.low.min(tail));
     }
+}
+
+/// What takes the physics steps of a control step. Its methods stand in hot loops: they must be `#[inline(always)]`.
+pub(super) trait Stepper<R: Real> {
+    /// Whether no more steps are wanted.
+    fn stops(&self) -> bool;
+    /// One physics step to a pitch \[rad\]; returns the lanes that took it.
+    fn step(&mut self, body: &mut Body<R>, pitch: R) -> R::Mask;
+}
+
+/// Steps until who watches stops them.
+struct Swung<'a>(Watch<'a>);
+
+impl<R: Real> Stepper<R> for Swung<'_> {
+    #[inline(always)]
+    fn stops(&self) -> bool {
+        self.0.stops()
+    }
+    #[inline(always)]
+    fn step(&mut self, body: &mut Body<R>, pitch: R) -> R::Mask {
+        body.step_unless(pitch, self.0)
+    }
+}
+
+/// What the servo is told in a physics step of a control step \[rad\].
+#[inline(always)]
+pub(super) fn command<R: Real>(
+    config: &Config,
+    commands: &[R],
+    step: usize,
+    disturbance: Option<R>,
+) -> R {
+    let (old, part) = (config.delay / config.substeps, config.delay % config.substeps);
+    // During the first part of the step the command before is still on its way.
+    let mut command = commands[if step < part { old + 1 } else { old }];
+    if let Some(disturbance) = disturbance {
+        command = (command + disturbance).clip(-1.0, 1.0);
+    }
+    command * R::splat(config.pitch_limit)
+}
+
+/// Share of the smoothed thrust that a control step replaces.
+#[inline(always)]
+pub(super) fn forgets(config: &Config) -> f64 {
+    config.control_dt / (SMOOTHING + config.control_dt)
 }
 
 /// Parameters of these values, in the order of the table.

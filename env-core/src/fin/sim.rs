@@ -2,6 +2,7 @@
 
 use super::body::Body;
 use super::config::{Config, KEYWORDS, Setup};
+use super::derivative::check_pitch;
 use super::design::Design;
 use super::geometry::Geometry;
 use super::motion::Loads;
@@ -20,6 +21,7 @@ use crate::simulation::{Named, Simulation, pairs, unknown};
 use crate::snapshot::Numbers;
 use crate::solver::Scheme;
 use crate::vec2::Vec2;
+use crate::watch::Watch;
 use serde_json::{Map, Value, json};
 
 /// Forces and energies of a fin in a given motion, each apart.
@@ -57,10 +59,10 @@ pub struct Energies {
 /// One fin, pitched by hand or by its servo.
 #[derive(Clone, Debug)]
 pub struct BareFin {
-    body: Body<f64>,
-    servo: Servo<f64>,
+    pub(super) body: Body<f64>,
+    pub(super) servo: Servo<f64>,
     ticks: Ticks,
-    steps: u64,
+    pub(super) steps: u64,
     resolved: Map<String, Value>,
 }
 
@@ -153,6 +155,11 @@ impl BareFin {
         &self.body.design
     }
 
+    /// The fin in its water, without its servo.
+    pub fn body(&self) -> &Body<f64> {
+        &self.body
+    }
+
     /// Material and water.
     pub fn material(&self) -> &Parameters {
         &self.body.parameters
@@ -179,11 +186,22 @@ impl BareFin {
     /// One physics step that ends at this pitch.
     fn advance(&mut self, pitch: f64) -> Result<()> {
         if !self.body.step(pitch) {
-            let reason = format!("no solution for a step to pitch {pitch} rad");
-            return Err(Error::Solver { time: self.time(), reason });
+            return Err(self.failed(pitch));
         }
         self.steps += 1;
         Ok(())
+    }
+
+    /// The next step fails in its smallest parts.
+    pub(super) fn failed(&self, pitch: f64) -> Error {
+        let reason = format!("no solution for a step to pitch {pitch} rad");
+        Error::Solver { time: self.time(), reason }
+    }
+
+    /// Lets Newton's method go on until its moves are below this share of what ends it for others: steps become a smooth
+    /// function of their state, to the last digits, which small differences of them need.
+    pub fn sharpen(&mut self, share: f64) {
+        self.body.work.sharpness = share;
     }
 
     /// Physics steps that end at the given pitches \[rad\]; returns thrust \[N\], torque \[N m\], power \[W\] and
@@ -300,14 +318,32 @@ impl Simulation for BareFin {
 
     /// Each step ends at the input, a pitch \[rad\].
     fn step(&mut self, pitch: f64, n: u64) -> Result<()> {
-        if !pitch.is_finite() {
-            return Err(Error::parameter("pitch", pitch, "finite"));
-        }
+        check_pitch(pitch)?;
         for _ in 0..n {
             self.advance(pitch)?;
             self.servo.place(0, pitch, 0.0, pitch);
         }
         Ok(())
+    }
+
+    fn vector(&self) -> Result<Vec<f64>> {
+        Ok(self.state_vector())
+    }
+
+    /// The driven node must be near where the servo's angle has it: within a tenth of its edge.
+    fn set_vector(&mut self, vector: &[f64]) -> Result<()> {
+        self.set_state_vector(vector)
+    }
+
+    /// The input is a pitch \[rad\], at which each step ends.
+    fn jacobian(
+        &self,
+        pitch: f64,
+        n: u64,
+        parameters: &[String],
+        watch: Watch<'_>,
+    ) -> Result<Vec<Named>> {
+        BareFin::jacobian(self, pitch, n, parameters, watch)
     }
 
     fn energies(&self) -> Vec<(&'static str, f64)> {

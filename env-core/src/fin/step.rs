@@ -8,7 +8,7 @@ use super::motion::{Instant, Loads};
 use super::residual::Elements;
 use super::workspace::Workspace;
 use crate::lane::{Lanewise, Mask, Real};
-use crate::solver::{Part, Stage, System};
+use crate::solver::{Move, Part, Past, Recorded, Solver, Stage, System, Tape, Told};
 use crate::vec2::Vec2;
 use crate::watch::Watch;
 
@@ -27,16 +27,55 @@ impl<R: Real> Body<R> {
     /// The same, ending when who watches says so.
     #[inline(always)]
     pub fn step_unless(&mut self, pitch: R, watch: Watch<'_>) -> R::Mask {
+        let (mut swing, solver, past) = self.swing(pitch);
+        let taken = solver.step(&mut swing, past, R::Mask::splat(true), watch);
+        let mean = swing.mean;
+        self.swung(taken, pitch, &mean);
+        taken
+    }
+
+    /// The step that comes to this pitch, and what takes it.
+    #[inline(always)]
+    fn swing(&mut self, to: R) -> (Swing<'_, R>, &mut Taker<R>, &mut Past<R, Instant<R>>) {
         let Body { design, rod, water, perimeter, hull_mass, hull_drag, .. } = self;
         let (hull_mass, hull_drag) = (*hull_mass, *hull_drag);
         let elements = Elements { design, rod, water, perimeter, hull_mass, hull_drag };
         let (now, work, loads) = (&mut self.now, &mut self.work, Loads::default());
-        let (arm, from, to) = (Vec2::zero(), self.pitch, pitch);
-        let mut swing = Swing { elements, now, work, from, to, arm, loads, mean: loads };
-        let taken = self.solver.step(&mut swing, &mut self.past, R::Mask::splat(true), watch);
-        self.loads.take(taken, &swing.mean);
-        self.pitch = R::select(taken, pitch, from);
+        let (arm, from) = (Vec2::zero(), self.pitch);
+        let swing = Swing { elements, now, work, from, to, arm, loads, mean: loads };
+        (swing, &mut self.solver, &mut self.past)
+    }
+
+    /// Lanes have taken a step to a pitch.
+    #[inline(always)]
+    fn swung(&mut self, taken: R::Mask, pitch: R, mean: &Loads<R>) {
+        self.loads.take(taken, mean);
+        self.pitch = R::select(taken, pitch, self.pitch);
+    }
+}
+
+impl Body<f64> {
+    /// `step_unless`, to the same bits, written down on a tape. Beside positions and velocities it has of every moment
+    /// the force on the driven node, and the velocities that the stage started from.
+    pub(super) fn record(&mut self, pitch: f64, watch: Watch<'_>, tape: &mut Tape) -> bool {
+        tape.begin_step();
+        let (system, solver, past) = self.swing(pitch);
+        let mut recorded = Recorded { system, tape };
+        let taken = solver.step(&mut recorded, past, true, watch);
+        let mean = recorded.system.mean;
+        self.swung(taken, pitch, &mean);
         taken
+    }
+}
+
+type Taker<R> = Solver<<R as Real>::Mask, Instant<R>>;
+
+impl Told for Swing<'_, f64> {
+    fn tell(&self, way: Move, origin: &Instant<f64>, tape: &mut Tape) {
+        let Instant { x, v, .. } = &*self.now;
+        let driven = self.elements.design.geometry.pivot + 1;
+        let push = self.work.residual[driven];
+        tape.push(way, x, v.iter().copied(), &[&[push], &origin.v[..]]);
     }
 }
 
@@ -158,7 +197,7 @@ impl<R: Real> System<R> for Swing<'_, R> {
 
     #[inline(always)]
     fn tolerance(&self) -> R {
-        R::splat(TOLERANCE)
+        R::splat(TOLERANCE * self.work.sharpness)
     }
 
     #[inline(always)]

@@ -12,12 +12,15 @@ pub(super) struct Workspace<R> {
     pub(super) matrix: Banded<R>,
     pub(super) right: Vec<Vec2<R>>,
     pub(super) border: Border<R>,
+    /// Multiplies the tolerance.
+    pub(super) sharpness: f64,
 }
 
 impl<R: Real> Workspace<R> {
     pub(super) fn new(nodes: usize) -> Self {
         let zeros = || vec![Vec2::zero(); nodes];
         let (matrix, border) = (Banded::new(nodes), Border::new(nodes));
-        Workspace { residual: zeros(), momentum: zeros(), matrix, right: zeros(), border }
+        let (residual, momentum, right) = (zeros(), zeros(), zeros());
+        Workspace { residual, momentum, matrix, right, border, sharpness: 1.0 }
     }
 }

@@ -1,6 +1,7 @@
 //! The frame of an edge, and forces that are known there together with their derivatives.
 
 use crate::lane::Real;
+use crate::lanewise;
 use crate::vec2::Vec2;
 
 /// Motion of one edge relative to the water, in its own frame: `t` from first to second node, `n` to
@@ -62,6 +63,8 @@ pub struct EdgeLinear<R> {
     /// Derivatives by the normal velocities of both nodes.
     pub by_w: [[R; 4]; 2],
 }
+
+lanewise!(EdgeLinear: force, by_length, by_u, by_w);
 
 impl<R: Real> EdgeLinear<R> {
     /// Derivative of the world force on node `i` by the world position of node `j`, as

@@ -2,6 +2,7 @@
 
 use super::elimination::{Ascent, Block, Descent, Front, Hook, block};
 use crate::lane::Real;
+use crate::lanewise;
 use crate::vec2::Vec2;
 
 /// A square matrix whose blocks vanish beyond the second off the diagonal.
@@ -10,10 +11,18 @@ pub struct Banded<R> {
     hooks: Vec<Hook<R>>,
 }
 
+lanewise!(Banded: hooks);
+
 impl<R: Real> Banded<R> {
     /// A zero matrix of `blocks` block rows.
     pub fn new(blocks: usize) -> Self {
         Banded { hooks: vec![Hook::default(); blocks] }
+    }
+
+    /// Its hooks, node by node.
+    #[inline(always)]
+    pub fn hooks(&self) -> &[Hook<R>] {
+        &self.hooks
     }
 
     /// Number of rows.
@@ -69,6 +78,14 @@ impl<R: Real> Banded<R> {
             *self.block(row, column) = Block::default();
         }
         *self.block(row, row) = [[R::one(), R::zero()], [R::zero(), R::one()]];
+    }
+
+    /// Becomes its own transpose.
+    #[inline(always)]
+    pub fn transpose(&mut self) {
+        for hook in &mut self.hooks {
+            *hook = hook.transposed();
+        }
     }
 
     /// Entry at (row, column); zero outside the band.

@@ -67,6 +67,35 @@ pub fn multiply<R: Real>(hooks: &[Hook<f64>], x: &[Vec2<R>], to: &mut [Vec2<R>])
     }
 }
 
+/// One node's part of that product.
+#[inline(always)]
+pub fn multiply_row<R: Real>(hooks: &[Hook<f64>], node: usize, x: &[Vec2<R>]) -> Vec2<R> {
+    let hook = hooks[node].splat::<R>();
+    let mut sum = apply(&hook.diagonal, x[node]);
+    for off in 1..=2 {
+        if node + off < hooks.len() {
+            sum += apply(&hook.right[off - 1], x[node + off]);
+        }
+        if node >= off {
+            let before = hooks[node - off].splat::<R>();
+            sum += apply(&before.below[off - 1], x[node - off]);
+        }
+    }
+    sum
+}
+
+/// Solves with one matrix of eliminated hooks for right-hand sides in lanes, in place.
+#[inline(always)]
+pub fn solve<R: Real>(eliminated: &[Hook<f64>], b: &mut [Vec2<R>]) {
+    let (mut descent, mut ascent) = (Descent::default(), Ascent::default());
+    for (hook, b) in eliminated.iter().zip(b.iter_mut()) {
+        *b = descent.pass(&hook.splat(), *b);
+    }
+    for i in (0..b.len()).rev() {
+        b[i] = ascent.pass(&eliminated[i].splat().right, b[i]);
+    }
+}
+
 /// The block with entries `f(row, column)`.
 #[inline(always)]
 pub fn block<R>(f: impl Fn(usize, usize) -> R) -> Block<R> {

@@ -6,4 +6,4 @@ mod elimination;
 
 pub use banded::Banded;
 pub use border::Border;
-pub use elimination::{Ascent, Block, Descent, Front, Hook, block, multiply};
+pub use elimination::{Ascent, Block, Descent, Front, Hook, block, multiply, multiply_row, solve};

@@ -7,40 +7,19 @@
 use super::config::{Config, PARAMETERS, at, uniform};
 use super::plant::Plant;
 use super::sim::BarePendulum;
-use super::vector::{check_size, empty, set_vector, size, vector};
+use super::vector::{empty, set_vector, size, vector};
 use crate::batch::{Differentiated, Gradient};
+use crate::directions::{check_size, group_count, seeded, seeded_at};
 use crate::error::Result;
 use crate::given::place;
 use crate::lane::{DIRECTIONS, Dual, Lanewise, Real};
 use crate::rod::Rod;
 use crate::simulation::{Named, Simulation};
-use crate::solver::{Carried, Integrator, Phase, Tape, carry, pull_back};
+use crate::solver::{Carried, Integrator, Phase, Scheme, Tape, carry, pull_back};
 use crate::watch::Watch;
 
 /// Physics steps that a tape of the bare pendulum holds at once.
 const TAPE: usize = 64;
-
-/// The numbers `values`, of which the direction `first + i` is that of the i-th, as a group of directions has them.
-fn seeded(values: &[f64], first: usize, group: usize) -> Vec<Dual> {
-    let seed = |(i, &value): (usize, &f64)| match (first + i).checked_sub(group * DIRECTIONS) {
-        Some(direction) if direction < DIRECTIONS => Dual::variable(value, direction),
-        _ => Dual::constant(value),
-    };
-    values.iter().enumerate().map(seed).collect()
-}
-
-/// The same for all parameters, of which some are differentiated by.
-fn seeded_parameters(values: &[f64], chosen: &[usize], first: usize, group: usize) -> Vec<Dual> {
-    let mut all: Vec<Dual> = values.iter().map(|&value| Dual::constant(value)).collect();
-    let picked: Vec<f64> = chosen.iter().map(|&i| values[i]).collect();
-    for (&i, dual) in chosen.iter().zip(seeded(&picked, first, group)) {
-        // (A parameter that is named twice has two columns.)
-        for (to, slope) in all[i].slopes.iter_mut().zip(dual.slopes) {
-            *to += slope;
-        }
-    }
-    all
-}
 
 impl BarePendulum {
     /// What the next `n` physics steps under a constant torque \[N m\] would be.
@@ -83,10 +62,9 @@ impl BarePendulum {
         let (scheme, nodes) = (self.config.scheme, self.nodes());
         let state = self.state_vector();
         let (s, p) = (state.len(), chosen.len());
-        let mut groups: Vec<_> = (0..(s + 1 + p).div_ceil(DIRECTIONS))
+        let mut groups: Vec<_> = (0..group_count(s + 1 + p))
             .map(|group| {
-                let rod =
-                    uniform(nodes, &seeded_parameters(&self.values, &chosen, s + 1, group)).rod();
+                let rod = uniform(nodes, &seeded_at(&self.values, &chosen, s + 1, group)).rod();
                 let (mut motion, mut past) = empty(scheme, nodes);
                 set_vector(scheme, &seeded(&state, 0, group), &mut motion, &mut past);
                 (rod, motion, past, seeded(&[torque], s, group)[0])
@@ -116,6 +94,10 @@ impl BarePendulum {
                 })
                 .collect();
             carry(&sim.rod, &phases, &mut carried)?;
+        }
+        if n > 0 {
+            // From now on the step before is known, whatever was.
+            groups.iter_mut().for_each(|(_, _, past, _)| past.known = Dual::default());
         }
         let next: Vec<_> =
             groups.iter().map(|(_, motion, past, _)| vector(scheme, motion, past)).collect();
@@ -172,6 +154,9 @@ impl BarePendulum {
             by_parameters.iter_mut().zip(sums).for_each(|(to, more)| *to += more);
         }
         by_parameters.truncate(chosen.len());
+        if n > 0 {
+            past.known = 0.0;
+        }
         Ok(vec![
             Named::vector("x", vector(scheme, &motion, &past)),
             Named::vector("input", vec![by_torque]),
@@ -182,8 +167,8 @@ impl BarePendulum {
 
 /// Rods of which the directions are those of the parameters, in groups.
 fn materials(nodes: usize, values: &[f64], chosen: &[usize]) -> Vec<Rod<Dual>> {
-    let group = |group| uniform(nodes, &seeded_parameters(values, chosen, 0, group)).rod();
-    (0..chosen.len().div_ceil(DIRECTIONS)).map(group).collect()
+    let group = |group| uniform(nodes, &seeded_at(values, chosen, 0, group)).rod();
+    (0..group_count(chosen.len())).map(group).collect()
 }
 
 /// Places of the bare pendulum's parameters of these names.
@@ -204,21 +189,77 @@ pub fn plant_vector<R: Real>(config: &Config, plant: &Plant<R>) -> Vec<R> {
     all
 }
 
-/// A plant as it is, in groups of directions: by its vector, its last action and the parameters in these places.
-pub fn variables(config: &Config, plant: &Plant<f64>, chosen: &[usize]) -> Vec<Plant<Dual>> {
+/// The numbers by which a state is differentiated.
+#[derive(Clone, Copy, PartialEq)]
+pub enum By {
+    /// All of its vector.
+    Vector,
+    /// Those of `essence`.
+    Essence,
+}
+
+/// Whether velocity v and acceleration a matter to the next steps as v + a dt/2 alone, as the first half of a Verlet step
+/// has it.
+fn merges(config: &Config) -> bool {
+    config.scheme == Scheme::Verlet
+}
+
+/// The state as as few numbers as its future depends on: where `merges`, x and v + a dt/2 of every node, with the
+/// acceleration a that there is without a torque. Then the torques on their way.
+pub fn essence<R: Real>(config: &Config, plant: &Plant<R>) -> Vec<R> {
+    let mut all = plant_vector(config, plant);
+    if merges(config) {
+        let list = 2 * (config.nodes - 1);
+        let half = R::splat(0.5 * config.physics_dt);
+        for i in list..2 * list {
+            let kick = all[list + i] * half;
+            all[i] += kick;
+        }
+        all.drain(2 * list..3 * list);
+    }
+    all
+}
+
+/// Positions and velocities of the nodes that move.
+pub fn coordinates<R: Real>(config: &Config, plant: &Plant<R>) -> Vec<R> {
+    let mut all = vector(config.scheme, &plant.motion, &plant.integrator.past);
+    all.truncate(4 * (config.nodes - 1));
+    all
+}
+
+/// The state's numbers, of which those that it is differentiated by have the first directions; how many these are.
+fn directed(config: &Config, state: &[f64], by: By, group: usize) -> (Vec<Dual>, usize) {
+    if by == By::Vector || !merges(config) {
+        return (seeded(state, 0, group), state.len());
+    }
+    // By v a state changes as by v + a dt/2.
+    let list = 2 * (config.nodes - 1);
+    let mut seeds = seeded(&state[..2 * list], 0, group);
+    seeds.extend(state[2 * list..3 * list].iter().map(|&a| Dual::constant(a)));
+    seeds.extend(seeded(&state[3 * list..], 2 * list, group));
+    (seeds, state.len() - list)
+}
+
+/// A plant as it is, in groups of directions: by its state, its last action and the parameters in these places.
+pub fn variables(
+    config: &Config,
+    plant: &Plant<f64>,
+    by: By,
+    chosen: &[usize],
+) -> Vec<Plant<Dual>> {
     let state = plant_vector(config, plant);
-    let s = state.len();
-    let own = s - on_their_way(config);
+    let own = state.len() - on_their_way(config);
+    let s = directed(config, &state, by, 0).1;
     let memory = Plant::<Dual>::new(config);
-    let mut groups = vec![memory; (s + 1 + chosen.len()).div_ceil(DIRECTIONS)];
+    let mut groups = vec![memory; group_count(s + 1 + chosen.len())];
     for (group, dual) in groups.iter_mut().enumerate() {
         dual.pair(plant, &mut |to: &mut Dual, from| *to = Dual::constant(*from));
-        let parameters = seeded_parameters(&plant.parameters, chosen, s + 1, group);
+        let parameters = seeded_at(&plant.parameters, chosen, s + 1, group);
         dual.parameters.copy_from_slice(&parameters);
         uniform(config.nodes, &dual.parameters).shape(&mut dual.rod);
-        let seeds = seeded(&state, 0, group);
+        let (seeds, _) = directed(config, &state, by, group);
         set_vector(config.scheme, &seeds[..own], &mut dual.motion, &mut dual.integrator.past);
-        dual.commands[..s - own].copy_from_slice(&seeds[own..]);
+        dual.commands[..state.len() - own].copy_from_slice(&seeds[own..]);
         dual.action = seeded(&[plant.action], s, group)[0];
         dual.posture = dual.take_posture();
     }
@@ -259,10 +300,11 @@ pub fn differentiate(
     config: &Config,
     plant: &Plant<f64>,
     told: Told,
+    by: By,
     chosen: &[usize],
 ) -> Result<Option<Differentiated<Plant<Dual>>>> {
-    let mut plants = variables(config, plant, chosen);
-    let s = plant_vector(config, plant).len();
+    let mut plants = variables(config, plant, by, chosen);
+    let s = directed(config, &plant_vector(config, plant), by, 0).1;
     let mut torques = vec![vec![]; plants.len()];
     for (group, dual) in plants.iter_mut().enumerate() {
         let mut action = seeded(&[told.action], s, group)[0];
@@ -291,9 +333,14 @@ pub fn differentiate(
         let value = &mut |to: &mut Dual, from: &f64| to.value = *from;
         dual.motion.pair(&values.motion, value);
         dual.integrator.pair(&values.integrator, value);
+        dual.integrator.past.known = Dual::constant(values.integrator.past.known);
         dual.posture = dual.take_posture();
     }
-    let next = plants.iter().map(|dual| plant_vector(config, dual)).collect();
+    let next = plants.iter().map(|dual| match by {
+        By::Vector => plant_vector(config, dual),
+        By::Essence => essence(config, dual),
+    });
+    let next = next.collect();
     Ok(Some(Differentiated { next, plants }))
 }
 
@@ -328,6 +375,7 @@ pub fn pull_back_step(
             *by += commands[0] * told.action * config.gain;
         }
     }
+    past.known = 0.0;
     let mut state = vector(config.scheme, &motion, &past);
     state.extend_from_slice(&commands[1..=late]);
     let slope = if told.inside { plant.parameters[at::TORQUE_LIMIT] * config.gain } else { 0.0 };

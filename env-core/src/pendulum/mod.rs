@@ -30,6 +30,7 @@ use crate::solver::Scheme;
 use crate::spec::Space;
 use crate::watch::Watch;
 use config::{at, verlet_limit};
+use derivative::By;
 use serde_json::{Map, Value, json};
 
 /// The pendulum as its keywords have it.
@@ -216,7 +217,25 @@ impl Machine for Pendulum {
         chosen: &[usize],
         stream: &mut Stream,
     ) -> Result<Option<Differentiated<Plant<Dual>>>> {
-        derivative::differentiate(&self.config, plant, self.told(action, stream), chosen)
+        let told = self.told(action, stream);
+        derivative::differentiate(&self.config, plant, told, By::Vector, chosen)
+    }
+
+    fn essence(&self, plant: &Plant<f64>) -> Result<Vec<f64>> {
+        Ok(derivative::essence(&self.config, plant))
+    }
+
+    fn differentiate_essence(
+        &self,
+        plant: &Plant<f64>,
+        action: &[f64],
+        stream: &mut Stream,
+    ) -> Result<Option<Differentiated<Plant<Dual>>>> {
+        derivative::differentiate(&self.config, plant, self.told(action, stream), By::Essence, &[])
+    }
+
+    fn coordinates<R: Real>(&self, plant: &Plant<R>) -> Vec<R> {
+        derivative::coordinates(&self.config, plant)
     }
 
     fn vector(&self, plant: &Plant<f64>) -> Result<Vec<f64>> {
@@ -224,7 +243,14 @@ impl Machine for Pendulum {
     }
 
     fn variables(&self, plant: &Plant<f64>, chosen: &[usize]) -> Result<Vec<Plant<Dual>>> {
-        Ok(derivative::variables(&self.config, plant, chosen))
+        Ok(derivative::variables(&self.config, plant, By::Vector, chosen))
+    }
+
+    fn renew(&self, groups: &mut [Plant<Dual>], plant: &Plant<f64>) {
+        for group in groups {
+            group.pair(plant, &mut |to: &mut Dual, from: &f64| to.value = *from);
+            group.posture = group.take_posture();
+        }
     }
 
     fn advance(&self, plant: &mut Plant<f64>, action: &[f64], stream: &mut Stream) -> Result<bool> {

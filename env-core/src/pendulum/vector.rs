@@ -1,6 +1,7 @@
 //! The state of a pendulum as one vector.
 
 use super::sim::BarePendulum;
+use crate::directions::check_size;
 use crate::error::{Error, Result};
 use crate::lane::Real;
 use crate::rod::Motion;
@@ -71,15 +72,6 @@ pub fn set_vector<R: Real>(
 pub fn empty<R: Real>(scheme: Scheme, nodes: usize) -> (Motion<R>, Past<R, Motion<R>>) {
     let memory = |kept| if kept { Motion::new(nodes) } else { Motion::default() };
     (Motion::new(nodes), Past::new(scheme, memory))
-}
-
-/// Refuses a vector of another length.
-pub fn check_size(name: &str, given: &[f64], wanted: usize) -> Result<()> {
-    if given.len() == wanted {
-        return Ok(());
-    }
-    let (got, expected) = (format!("({},)", given.len()), format!("({wanted},)"));
-    Err(Error::Shape { name: name.into(), got, expected })
 }
 
 impl BarePendulum {

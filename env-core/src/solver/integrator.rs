@@ -230,7 +230,7 @@ impl Verlet<f64> {
                 // Forces take the velocity of the half step.
                 let between = motion.x.iter().zip(&self.kept.x);
                 let between = between.map(|(new, old)| (*new - *old).scale(1.0 / dt));
-                tape.push(Move::Verlet(dt), &motion.x, between);
+                tape.push(Move::Verlet(dt), &motion.x, between, &[]);
             }
             if sound {
                 return true;

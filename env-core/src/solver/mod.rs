@@ -22,9 +22,11 @@ pub use adjoint::pull_back;
 pub use drive::{Constant, Drive, Feedback};
 pub use implicit::{Part, Past, Solver, System};
 pub use integrator::Integrator;
+pub(crate) use moment::{slopes, splat};
 pub use scheme::{Origin, Row, Scheme, Stage, Table};
 pub use tangent::{Carried, Phase, carry};
 pub use tape::{Move, Tape};
+pub(crate) use tape::{Recorded, Told};
 pub use verlet::{prepare, verlet};
 
 /// Smallest `1 + cos(phi)` of a joint that counts as a rod and not as a failure: a turning angle of 168.5

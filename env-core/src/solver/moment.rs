@@ -162,13 +162,13 @@ impl<R: Real> Material<R> {
 
 /// The slopes of a number, one a lane.
 #[inline(always)]
-pub(super) fn slopes<R: Real>(from: &Dual) -> R {
+pub(crate) fn slopes<R: Real>(from: &Dual) -> R {
     debug_assert!(R::LANES == DIRECTIONS);
     R::from_fn(|k| from.slopes[k])
 }
 
 #[inline(always)]
-pub(super) fn splat<R: Real>(p: Vec2<f64>) -> Vec2<R> {
+pub(crate) fn splat<R: Real>(p: Vec2<f64>) -> Vec2<R> {
     Vec2::new(R::splat(p.x), R::splat(p.y))
 }
 

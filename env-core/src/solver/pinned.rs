@@ -4,6 +4,7 @@
 //! line through those of the last two stages gives. Where the motion is smooth that is so close that one iteration is
 //! enough.
 
+use super::tape::{Move, Tape, Told};
 use super::{Drive, FOLDED, Origin, Stage, System};
 use crate::lane::{Mask, Real};
 use crate::linear::{Ascent, Block, Border, Descent, Front};
@@ -148,6 +149,12 @@ impl<R: Real, D: Drive<R>> System<R> for Pinned<'_, R, D> {
     fn tolerance(&self) -> R {
         let length = (self.rod.nodes() - 1) as f64;
         self.rod.rest[0] * R::splat((TOLERANCE * length).sqrt() * self.work.sharpness)
+    }
+}
+
+impl<D: Drive<f64>> Told for Pinned<'_, f64, D> {
+    fn tell(&self, way: Move, _origin: &Motion<f64>, tape: &mut Tape) {
+        tape.push(way, &self.motion.x, self.motion.v.iter().copied(), &[]);
     }
 }
 

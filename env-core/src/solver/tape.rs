@@ -1,9 +1,7 @@
 //! What a rod did, moment by moment: all that is needed to carry derivatives along the same way, forwards or backwards.
 
-use super::pinned::Pinned;
-use super::{Drive, Part, Stage, System};
+use super::{Part, Stage, System};
 use crate::lane::Mask;
-use crate::rod::Motion;
 use crate::vec2::Vec2;
 
 /// How a moment was come to.
@@ -30,6 +28,8 @@ pub struct Tape {
     /// Positions and velocities, moment by moment.
     x: Vec<Vec2<f64>>,
     v: Vec<Vec2<f64>>,
+    /// What else a machine keeps of each moment, as many vectors every time.
+    more: Vec<Vec2<f64>>,
     /// Where the step and its part begin.
     step: usize,
     part: usize,
@@ -38,7 +38,7 @@ pub struct Tape {
 impl Tape {
     /// An empty one for rods of `nodes` nodes.
     pub fn new(nodes: usize) -> Self {
-        Tape { nodes, moves: vec![], x: vec![], v: vec![], step: 0, part: 0 }
+        Tape { nodes, moves: vec![], x: vec![], v: vec![], more: vec![], step: 0, part: 0 }
     }
 
     /// How the moments were come to.
@@ -52,6 +52,12 @@ impl Tape {
         (&self.x[nodes.clone()], &self.v[nodes])
     }
 
+    /// What else there is of a moment.
+    pub fn more(&self, at: usize) -> &[Vec2<f64>] {
+        let size = self.more.len() / self.moves.len();
+        &self.more[at * size..(at + 1) * size]
+    }
+
     /// Forgets all, but keeps the memory.
     pub fn clear(&mut self) {
         self.cut(0);
@@ -59,50 +65,67 @@ impl Tape {
     }
 
     /// Adds a moment.
-    pub(super) fn push(&mut self, way: Move, x: &[Vec2<f64>], v: impl Iterator<Item = Vec2<f64>>) {
+    pub(crate) fn push(
+        &mut self,
+        way: Move,
+        x: &[Vec2<f64>],
+        v: impl Iterator<Item = Vec2<f64>>,
+        more: &[&[Vec2<f64>]],
+    ) {
         self.moves.push(way);
         self.x.extend_from_slice(x);
         self.v.extend(v);
+        more.iter().for_each(|list| self.more.extend_from_slice(list));
     }
 
     /// Forgets what came after the first `count` moments.
     pub(super) fn cut(&mut self, count: usize) {
-        self.moves.truncate(count);
-        self.x.truncate(count * self.nodes);
-        self.v.truncate(count * self.nodes);
+        if count < self.moves.len() {
+            let more = self.more.len() / self.moves.len();
+            self.moves.truncate(count);
+            self.x.truncate(count * self.nodes);
+            self.v.truncate(count * self.nodes);
+            self.more.truncate(count * more);
+        }
     }
 
     /// A step begins.
-    pub(super) fn begin_step(&mut self) {
+    pub(crate) fn begin_step(&mut self) {
         (self.step, self.part) = (self.moves.len(), self.moves.len());
     }
 }
 
-/// A rod of which every stage is written down.
-pub(super) struct Recorded<'a, D> {
-    pub system: Pinned<'a, f64, D>,
+/// A system of which every stage can be written down.
+pub(crate) trait Told: System<f64> {
+    /// Writes down the stage that has just been completed.
+    fn tell(&self, way: Move, origin: &Self::State, tape: &mut Tape);
+}
+
+/// A system of which every stage is written down.
+pub(crate) struct Recorded<'a, S> {
+    pub system: S,
     pub tape: &'a mut Tape,
 }
 
-impl<D: Drive<f64>> System<f64> for Recorded<'_, D> {
-    type State = Motion<f64>;
+impl<S: Told> System<f64> for Recorded<'_, S> {
+    type State = S::State;
 
     #[inline(always)]
-    fn state(&mut self) -> &mut Motion<f64> {
+    fn state(&mut self) -> &mut S::State {
         self.system.state()
     }
     #[inline(always)]
     fn predict(
         &mut self,
         stage: &Stage<f64>,
-        start: &Motion<f64>,
-        before: &Motion<f64>,
-        origin: &mut Motion<f64>,
+        start: &S::State,
+        before: &S::State,
+        origin: &mut S::State,
     ) {
         self.system.predict(stage, start, before, origin);
     }
     #[inline(always)]
-    fn correct(&mut self, stage: &Stage<f64>, origin: &Motion<f64>, active: bool) -> (f64, bool) {
+    fn correct(&mut self, stage: &Stage<f64>, origin: &S::State, active: bool) -> (f64, bool) {
         self.system.correct(stage, origin, active)
     }
     #[inline(always)]
@@ -110,13 +133,13 @@ impl<D: Drive<f64>> System<f64> for Recorded<'_, D> {
         self.system.tolerance()
     }
     #[inline(always)]
-    fn complete(&mut self, stage: &Stage<f64>, origin: &Motion<f64>) -> bool {
+    fn complete(&mut self, stage: &Stage<f64>, origin: &S::State) -> bool {
+        let complete = self.system.complete(stage, origin);
         let Tape { moves, step, part, .. } = &*self.tape;
         let (part_begins, step_begins) = (moves.len() == *part, moves.len() == *step);
-        let Motion { x, v, .. } = &*self.system.motion;
         let way = Move::Stage { stage: *stage, part_begins, step_begins };
-        self.tape.push(way, x, v.iter().copied());
-        self.system.complete(stage, origin)
+        self.system.tell(way, origin, self.tape);
+        complete
     }
     #[inline(always)]
     fn accept(&mut self, part: &Part<bool>) {
@@ -125,5 +148,6 @@ impl<D: Drive<f64>> System<f64> for Recorded<'_, D> {
         } else {
             self.tape.cut(self.tape.part);
         }
+        self.system.accept(part);
     }
 }

@@ -55,7 +55,7 @@ impl Default for Config {
             bind: "tcp://127.0.0.1:5555".into(),
             keys: None,
             insecure_no_auth: false,
-            limits: Limits::default(),
+            limits: Limits { threads: cores().min(THREADS), ..Limits::default() },
             workers: None,
             memory: None,
             http: None,
@@ -156,10 +156,17 @@ pub fn serve(config: &Config, bound: impl FnOnce(&str, Option<SocketAddr>)) -> R
     outcome.map(|_| ())
 }
 
+/// Threads of one step, at most, where nobody says otherwise.
+const THREADS: usize = 4;
+
+fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}
+
 /// Threads for long work, and what is long. Where there are cores to spare, it pays to hand over what
 /// takes a few times the handing over; on few cores only what others would notice.
 fn threads(asked: Option<u8>) -> (usize, Duration) {
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let cores = cores();
     let workers = asked.map_or((cores - 1).clamp(2, 64), |n| usize::from(n).clamp(1, 64));
     let long = if cores >= 4 { Duration::from_micros(200) } else { Duration::from_millis(4) };
     (workers, long)

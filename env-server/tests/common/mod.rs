@@ -21,6 +21,9 @@ pub struct Counters {
     rows: Vec<(u32, f32, bool)>,
     /// What `configure` has set.
     told: Vec<Option<f64>>,
+    threads: usize,
+    /// Threads of the last step; a scene tells.
+    used: usize,
 }
 
 impl Counters {
@@ -68,6 +71,8 @@ impl Counters {
             limit: options.max_episode_steps,
             rows: vec![(0, 0.0, false); options.num_envs],
             told: vec![None; options.num_envs],
+            threads: options.num_threads,
+            used: 0,
         }))
     }
 
@@ -90,9 +95,10 @@ impl VectorEnv for Counters {
         self.limit
     }
     fn num_threads(&self) -> usize {
-        1
+        self.threads
     }
-    fn set_num_threads(&mut self, _: usize) -> Result<()> {
+    fn set_num_threads(&mut self, threads: usize) -> Result<()> {
+        self.threads = threads;
         Ok(())
     }
     fn reset(
@@ -117,7 +123,12 @@ impl VectorEnv for Counters {
         }
         Ok(())
     }
+    /// The system of this batch grants no more than 40 threads.
     fn step(&mut self, actions: &[f32], out: StepData<'_>) -> Result<()> {
+        if self.threads > 40 {
+            return Err(Error::parameter("num_threads", self.threads, "what the system allows"));
+        }
+        self.used = self.threads;
         if let Some(index) = actions.iter().position(|a| !a.is_finite()) {
             return Err(Error::Action { index, value: f64::from(actions[index]) });
         }
@@ -191,7 +202,7 @@ impl VectorEnv for Counters {
             action: vec![0.0],
             reward: 0.0,
             episode_return: 0.0,
-            values: Map::new(),
+            values: Map::from_iter([("threads".to_string(), json!(self.used))]),
             arrows: Map::from_iter([("wind".to_string(), json!([[1.0, 2.0], [3.0, 4.0]]))]),
         })
     }

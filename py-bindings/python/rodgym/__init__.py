@@ -2,7 +2,7 @@
 
 Importing registers the environments, so that `gym.make("rodgym:rodgym/PendulumSwingUp-v0")` works
 alone. Parts that need more than numpy and gymnasium are imported when first used: `rodgym.sb3`,
-`rodgym.baselines`, `rodgym.remote`, `rodgym.ray`.
+`rodgym.baselines`, `rodgym.remote`, `rodgym.ray`, `rodgym.optimize`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from rodgym.errors import RodgymError
 __all__ = ["ENVIRONMENTS", "RodgymError", "__version__"]
 
 _SUBMODULES = frozenset(
-    {"baselines", "envs", "errors", "machines", "ray", "remote", "sb3", "sim", "vector"}
+    {"baselines", "envs", "errors", "machines", "optimal", "ray", "remote", "sb3", "sim", "vector"}
 )
 
 machines.register_environments()
@@ -27,8 +27,10 @@ machines.register_environments()
 def __getattr__(name: str) -> Any:
     if name in _SUBMODULES:
         return importlib.import_module(f"rodgym.{name}")
+    if name == "optimize":
+        return importlib.import_module("rodgym.optimal").optimize
     raise AttributeError(f"module 'rodgym' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_SUBMODULES})
+    return sorted({*globals(), *_SUBMODULES, "optimize"})

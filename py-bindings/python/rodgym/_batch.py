@@ -12,6 +12,7 @@ from gymnasium.utils import seeding
 
 from rodgym import _checks as checks
 from rodgym._plant import Member, picture_size
+from rodgym._rod import with_rod
 from rodgym.backend import LOCAL, Backend
 from rodgym.errors import EnvIndexError, ParameterError, ShapeError
 
@@ -66,7 +67,7 @@ class SeededBatch:
                 "it must be None or 'rgb_array'"
             )
         self.native = backend.open(
-            env_id, num_envs, kwargs, autoreset_mode, max_episode_steps, num_threads
+            env_id, num_envs, with_rod(kwargs), autoreset_mode, max_episode_steps, num_threads
         )
         self.about = self.native.spec
         self.num_envs = self.native.num_envs

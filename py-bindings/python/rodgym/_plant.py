@@ -138,7 +138,8 @@ class Plant(Settable, Fixed):
         where it is.
 
         The state is the vector of `.simulation.get_vector()`; with an `actuator_delay` the torques
-        on their way to the motor [N m] follow, newest first. Autoreset and time limit have no
+        on their way to the motor [N m] follow, or a fin's commands, newest first; last of a fin
+        stands the thrust smoothed over 0.5 s [N], which one task pays by. Autoreset and time limit have no
         derivatives; noise is what the step would draw. docs/derivatives.md says what is smooth.
 
         Arguments:
@@ -146,7 +147,7 @@ class Plant(Settable, Fixed):
             parameters: names of physical parameters to differentiate by, too.
 
         Raises:
-            ParameterError: a name that is no parameter, a fin.
+            ParameterError: a name that is no parameter.
             ActionError, ShapeError: no action.
             SolverError: the solver gives up in this step.
         """
@@ -166,7 +167,7 @@ class Plant(Settable, Fixed):
             parameters: names of physical parameters to differentiate by, too.
 
         Raises:
-            ParameterError: a name that is no parameter, a fin.
+            ParameterError: a name that is no parameter.
             ActionError, ShapeError: no actions.
             SolverError: the solver gives up in one of the steps.
         """
@@ -219,6 +220,10 @@ class Plant(Settable, Fixed):
     def svg(self, width: int | None = None, height: int | None = None) -> str:
         """The same picture as an SVG document, for figures."""
         return self._batch.svg(self._index, *self._size(width, height))
+
+    def _repr_html_(self) -> str:
+        """The picture, where a notebook shows this environment."""
+        return self.svg(360)
 
     def _size(self, width: int | None, height: int | None) -> tuple[int | None, int | None]:
         usual = self._render_size or (None, None)

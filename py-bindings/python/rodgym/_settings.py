@@ -34,8 +34,9 @@ class Settable:
     def set_randomize(self, ranges: Mapping[str, Any]) -> None:
         """Draws parameters from these ranges from the next episode on (a reset or an autoreset).
 
-        `ranges` is as in the keyword `randomize`: `(low, high)` or `("log_uniform", low, high)` by
-        name. Parameters that it does not name stay as they are; `set_parameters` ends a drawing.
+        `ranges` is as in the keyword `randomize`: `(low, high)`, `("log_uniform", low, high)` or
+        `("log_normal", median, deviation, {other: correlation})` by name. Parameters that it does
+        not name stay as they are; `set_parameters` ends a drawing.
 
         Raises:
             ParameterError: an unknown name, no range, or one that is not allowed; nothing changes
@@ -62,11 +63,21 @@ def _value(name: str, given: Any) -> Any:
     raise refused(name, given, "a finite number, or of a batch a sequence with one each")
 
 
+def _is_part(value: Any) -> bool:
+    """Whether a range may have this: a word, a number, or correlations by name."""
+    if isinstance(value, dict):
+        return all(isinstance(key, str) and _is_number(one) for key, one in value.items())
+    return isinstance(value, str) or _is_number(value)
+
+
 def _range(name: Any, given: Any) -> list[Any]:
     value = plain(given)
-    if isinstance(value, list | tuple) and all(isinstance(x, str) or _is_number(x) for x in value):
+    if isinstance(value, list | tuple) and all(map(_is_part, value)):
         return list(value)
-    allowed = "(low, high) or ('log_uniform', low, high), of finite numbers"
+    allowed = (
+        "(low, high), ('log_uniform', low, high) or ('log_normal', median, deviation, "
+        "{other: correlation}), of finite numbers"
+    )
     raise refused(f"randomize[{name!r}]", given, allowed)
 
 

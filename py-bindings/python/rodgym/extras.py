@@ -16,6 +16,10 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "remote": ("zmq", "msgpack"),
     "export": ("onnx", "onnxruntime"),
     "data": ("pyarrow", "minari", "h5py"),
+    "lab": (
+        "cv2", "scipy", "pandas", "tables", "h5py", "pyarrow", "yaml", "matplotlib", "jinja2",
+        "PIL",
+    ),
     "ray": ("ray", "yaml", "matplotlib"),
     "tune": ("optuna",),
     "train": (

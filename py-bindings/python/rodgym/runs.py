@@ -35,7 +35,7 @@ class RunError(rodgym.RodgymError, ValueError):
 @dataclass
 class Run:
     """Where results land. Files of an earlier run of the same name are replaced one by one; a run
-    that must replace nothing is :meth:`beside` the earlier ones.
+    that must replace nothing is `beside` the earlier ones.
 
     The folder is made when its first file is asked for, so that a run which is refused leaves none.
 

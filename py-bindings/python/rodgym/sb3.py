@@ -33,6 +33,7 @@ from rodgym._registration import REMOTE
 from rodgym._settings import Fixed, Many
 from rodgym.backend import LOCAL, Backend
 from rodgym.errors import EnvIndexError, ParameterError, ShapeError
+from rodgym.own_task import Reward, backend_of
 
 if TYPE_CHECKING:
     from gymnasium.envs.registration import EnvSpec
@@ -194,6 +195,8 @@ class RodVecEnv(Many, Fixed, VecEnv):
         num_threads: threads of a step; `None`: as many as the process may use.
         render_size: width and height of a picture in pixels; `None`: what suits the machine.
         backend: where the batch is computed: in this process, or a `rodgym.remote.Server`.
+        reward: a function of one's own that pays, see `rodgym.own_task`; `observation=` may be a
+            function, too.
         **kwargs: keywords of the environment, see its page.
     """
 
@@ -207,9 +210,11 @@ class RodVecEnv(Many, Fixed, VecEnv):
         num_threads: int | None = None,
         render_size: tuple[int, int] | None = None,
         backend: Backend = LOCAL,
+        reward: Reward | None = None,
         **kwargs: Any,
     ) -> None:
         env_id = checks.env_id(env_id)
+        given = {**kwargs, "render_size": render_size, "reward": reward}
         self._batch = SeededBatch(
             env_id,
             n_envs,
@@ -219,7 +224,7 @@ class RodVecEnv(Many, Fixed, VecEnv):
             num_threads,
             render_mode,
             render_size,
-            backend,
+            backend_of(backend, reward, kwargs),
         )
         about = self._batch.about
         self._terms: list[str] = about["reward_terms"]
@@ -232,7 +237,6 @@ class RodVecEnv(Many, Fixed, VecEnv):
         #: Whether options wait for a reset.
         self._waiting = False
         #: How `gym.make` would make one of the environments; keywords in types that JSON knows.
-        given = {**kwargs, "render_size": render_size}
         self.spec = self._describe(*backend.registered(env_id, given))
         if self.spec is not None:
             self.spec.max_episode_steps = self._batch.native.max_episode_steps

@@ -51,7 +51,6 @@ def step(envs: RodVectorEnv, actions: torch.Tensor, link: Link | None = None) ->
         link: of the step before; None where gradients shall begin.
 
     Raises:
-        ParameterError: fins, which have no derivatives.
         ShapeError, ActionError: no actions; nothing changes then.
     """
     inner: RodVectorEnv = envs.unwrapped  # type: ignore[assignment]

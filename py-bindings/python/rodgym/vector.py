@@ -16,8 +16,9 @@ from rodgym._infos import InfoBuilder
 from rodgym._plant import Frame, Member, box, plain
 from rodgym._settings import Fixed, Many
 from rodgym.backend import LOCAL, Backend
-from rodgym.derivatives import RolloutGradient, StepJacobian
+from rodgym.derivatives import RolloutGradient, StepJacobian, names
 from rodgym.errors import ShapeError
+from rodgym.own_task import Reward, backend_of
 
 if TYPE_CHECKING:
     from gymnasium.envs.registration import EnvSpec
@@ -48,7 +49,10 @@ class RodVectorEnv(Many, Fixed, VectorEnv[Observations, Any, Any]):
         copy: `False` returns the same observation array at every call, overwritten by the next one.
         render_size: width and height of a picture in pixels; `None`: what suits the machine.
         backend: where the batch is computed: in this process, or a `rodgym.remote.Server`.
-        **kwargs: keywords of the environment, see its page.
+        reward: a function of one's own that pays, see `rodgym.own_task`; `observation=` may be a
+            function, too.
+        **kwargs: keywords of the environment, see its page, and `rod`: the `rod.yml` of a fitted
+            rod (docs/lab.md), whose keywords it stands for; others come on top.
     """
 
     metadata: dict[str, Any] = {
@@ -69,6 +73,7 @@ class RodVectorEnv(Many, Fixed, VectorEnv[Observations, Any, Any]):
         copy: bool = True,
         render_size: tuple[int, int] | None = None,
         backend: Backend = LOCAL,
+        reward: Reward | None = None,
         **kwargs: Any,
     ) -> None:
         mode = checks.autoreset_mode(autoreset_mode)
@@ -81,7 +86,7 @@ class RodVectorEnv(Many, Fixed, VectorEnv[Observations, Any, Any]):
             num_threads,
             render_mode,
             render_size,
-            backend,
+            backend_of(backend, reward, kwargs),
         )
         about = self._batch.about
         self._infos = InfoBuilder(about)
@@ -196,28 +201,26 @@ class RodVectorEnv(Many, Fixed, VectorEnv[Observations, Any, Any]):
         return result.observation, result.reward, result.terminated, result.truncated, infos
 
     def step_jacobian(self, actions: Any, parameters: Sequence[str] = ()) -> StepJacobian:
-        """`step_jacobian` of every member under its own row of `actions` (num_envs, a).
+        """`step_jacobian` of every member under its own row of `actions` (num_envs, a), computed
+        by `num_threads` threads.
 
         Returns:
             The same arrays with a first axis of num_envs.
         """
         rows = checks.actions(actions)
         self._check_rows(rows, rows.ndim == 2)
-        each = zip(self.members, rows, strict=True)
-        found = [member.step_jacobian(row, parameters) for member, row in each]
-        return StepJacobian(*map(np.stack, zip(*found, strict=True)))
+        return StepJacobian(**self._batch.step_jacobians(rows, names(parameters)))
 
     def rollout_gradient(self, actions: Any, parameters: Sequence[str] = ()) -> RolloutGradient:
-        """`rollout_gradient` of every member for its own `actions` (num_envs, t, a).
+        """`rollout_gradient` of every member for its own `actions` (num_envs, t, a), computed by
+        `num_threads` threads.
 
         Returns:
             The same arrays with a first axis of num_envs.
         """
         rows = checks.actions(actions)
         self._check_rows(rows, rows.ndim == 3)
-        each = zip(self.members, rows, strict=True)
-        found = [member.rollout_gradient(row, parameters) for member, row in each]
-        return RolloutGradient(*map(np.stack, zip(*found, strict=True)))
+        return RolloutGradient(**self._batch.rollout_gradients(rows, names(parameters)))
 
     def _check_rows(self, rows: Any, fits: bool) -> None:
         if not fits or len(rows) != self.num_envs:
@@ -250,6 +253,11 @@ class RodVectorEnv(Many, Fixed, VectorEnv[Observations, Any, Any]):
             )
             return None
         return tuple(member.frame() for member in self.members)
+
+    def _repr_html_(self) -> str:
+        """Pictures of the first environments, where a notebook shows this batch."""
+        shown = "".join(member.svg(240) for member in self.members[:4])
+        return f"<div>{shown}<p>{self.num_envs} environments</p></div>"
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
         """Calls the method `name` of each environment (see `members`), or reads the attribute."""

@@ -12,7 +12,7 @@ mod slope;
 use super::{Chain, RodDesign};
 use rodgym_core::lane::Real;
 
-pub use angles::round;
+pub use angles::{round, sin_cos};
 pub use slope::Slope;
 
 /// Coordinates of the model: order 12 at most, whatever the plant.

@@ -1,6 +1,6 @@
 //! From hanging to upright, and stay.
 
-use super::effort;
+use super::{EFFORT_WEIGHT, effort};
 use crate::batch::Task;
 use crate::lane::{Mask, Real};
 use crate::pendulum::{Pendulum, Plant, Sensors, Setup};
@@ -34,5 +34,18 @@ impl Task for SwingUp {
         terms[1] = -(R::splat(RATE_WEIGHT) * share.min(R::one()));
         terms[2] = effort(plant);
         R::Mask::splat(false)
+    }
+
+    /// With t an edge's unit tangent, a share l/L of the height that is lost is 1 - t . up = |t - up|^2 / 2.
+    fn residuals<R: Real>(&self, _: &Pendulum, plant: &Plant<R>, out: &mut Vec<R>) {
+        let edges = plant.edges() as f64;
+        let (height, rate) =
+            (R::splat(0.5 / edges).sqrt(), R::splat(2.0 * RATE_WEIGHT / edges).sqrt());
+        for k in 0..plant.edges() {
+            let (t, turning) = plant.edge(k);
+            out.extend([t.x * height, (t.y - R::one()) * height]);
+            out.push(turning * rate * R::splat(1.0 / FULL_RATE));
+        }
+        out.push(plant.action * R::splat(2.0 * EFFORT_WEIGHT).sqrt());
     }
 }

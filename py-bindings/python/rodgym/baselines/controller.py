@@ -93,8 +93,14 @@ class Controller:
 
     @property
     def parameters(self) -> dict[str, float]:
-        """What the design settled on, by name; of a gait `amplitude` (of the action), `frequency`
-        [Hz] and `found_return` (mean of the search).
+        """What the design settled on, by name.
+
+        Of a regulator the weights of its cost on angles [1/rad^2], rates [s^2/rad^2] and torque
+        [1/(N m)^2], and the most torque that it asks for [N m] or the thesis' swing-up [N m, rad/s]
+        and its switch [rad]; of a filter the standard deviations that it believes of base angle
+        [rad] and rate [rad/s], and the variances that it adds to every coordinate and rate at each
+        step; of a gait `amplitude` (of the action), `frequency` [Hz] and `found_return` (mean of
+        the search).
         """
         return self._native.parameters
 
@@ -243,6 +249,19 @@ class LqgAdaptive(_Learner):
     title = "adaptive LQG"
 
 
+class Mpc(Controller):
+    """Predictive control: at every step it betters a plan of the next 1.5 s and takes its first
+    action, within the motor's limits.
+
+    Plans are made on the model of `Lqg`, by iterated regulators on what the swing-up pays, and begin
+    with the last plan or with what `Lqr` would do. Sees every edge (observation="full"), or base
+    angle and rate only (observation="base"): then the filter of `Lqg` says where the rod is.
+    """
+
+    name = "mpc"
+    title = "MPC"
+
+
 class ThesisLqr(Controller):
     """The thesis' continuous gain, sampled and held: what becomes of it on a real motor.
 
@@ -331,6 +350,7 @@ _LAWS: tuple[type[Controller], ...] = (
     HybridLqr,
     Lqg,
     LqgAdaptive,
+    Mpc,
     ThesisLqr,
     ThesisLqg,
     Gait,

@@ -2,9 +2,9 @@
 
 Both start horizontal along +x at rest; z is up.
 
-* :func:`chain`: six inextensible links, linear hinge springs k = EI/l, a motor at the base. Its
+* `chain`: six inextensible links, linear hinge springs k = EI/l, a motor at the base. Its
   energy is not quite ours: springs are linear in the angle, edges do not stretch.
-* :func:`flex`: MuJoCo's one-dimensional flex, a discrete elastic rod with the energies of ours.
+* `flex`: MuJoCo's one-dimensional flex, a discrete elastic rod with the energies of ours.
   No motor. Integrator "Euler" is the symplectic one.
 """
 

@@ -87,7 +87,7 @@ def layer_cases(num_envs: int) -> list[Case]:
 def layer_share(
     short: npt.NDArray[np.float64], long: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.float64]:
-    """Batch layer over bare physics, a number a round, from costs of :func:`layer_cases`.
+    """Batch layer over bare physics, a number a round, from costs of `layer_cases`.
 
     The long step has the physics of the short one four times, and Python call, observation, reward
     and reset once: the difference of the costs is bare physics, what remains is the layer.

@@ -1,6 +1,6 @@
 """The ``rodgym`` program.
 
-One file in :mod:`rodgym.cli.commands` is one subcommand; :mod:`rodgym.cli.app` finds them, builds
+One file in `rodgym.cli.commands` is one subcommand; `rodgym.cli.app` finds them, builds
 the parser and turns errors of the user into one sentence and exit code 2.
 """
 

@@ -24,7 +24,7 @@ start here:
 
 
 class Command(Protocol):
-    """What a module in :mod:`rodgym.cli.commands` holds."""
+    """What a module in `rodgym.cli.commands` holds."""
 
     SUMMARY: str
     EXAMPLES: str

@@ -53,7 +53,7 @@ def resolve_env(
         UsageError: a trained policy that does not say where it was trained.
     """
     if env_id is None:
-        card = _card(source)
+        card = _card(trained(source)[0])
         if card and "env" not in card:
             raise UsageError(f"{source} does not say where it was trained: give --env ID")
         env_id = str(card.get("env", default))

@@ -14,11 +14,14 @@ class PendulumEnv(RodEnv):
 
     ## Description
 
-    The elastic pendulum of the thesis: a silicone-like rod of length L hangs from a hinge and is to
-    be swung up, or kept upright, by a torque on its first edge. It bends while it swings, and
-    upright it would buckle under its own weight: feedback has to keep it straight. The rod is a
-    planar discrete elastic rod of `nodes` nodes, with stretch, signed curvature, gravity and
-    Kelvin-Voigt bending damping; equations and errata are in docs/physics.md.
+    A rod of length L, soft as silicone, hangs from a hinge. A motor turns its first edge. The agent
+    must swing the rod up, or keep it upright. The rod bends while it swings. When it stands, it
+    would buckle under its own weight, so feedback has to keep it straight. This is the elastic
+    pendulum of T. T. Burch's thesis (2019).
+
+    The rod is modelled by `nodes` nodes in a plane, which are joined by straight edges that can
+    stretch. It has a signed curvature, gravity, and Kelvin-Voigt damping of its bending. Equations
+    and errata of the thesis are in docs/physics.md.
 
     | id | task | observation | episode |
     |---|---|---|---|
@@ -28,8 +31,8 @@ class PendulumEnv(RodEnv):
 
     ## Action Space
 
-    `Box(-1, 1, (1,), float32)`, held for `control_dt` (10 ms). Values beyond are clipped, NaN and
-    infinity are refused.
+    `Box(-1, 1, (1,), float32)`. The action is held for one control step, `control_dt` (10 ms).
+    Values beyond the bounds are clipped. NaN and infinity are refused.
 
     | number | action | unit |
     |---|---|---|
@@ -37,8 +40,9 @@ class PendulumEnv(RodEnv):
 
     ## Observation Space
 
-    `Box(float32)`, bounds finite. theta_k is the angle of edge k from hanging, counter-clockwise
-    positive: hanging is cos = 1, upright is cos = -1. With n = `nodes` - 1 edges (6):
+    `Box(float32)` with finite bounds. theta_k is the angle of edge k from hanging, counted
+    counter-clockwise. A hanging edge has cos = 1, an upright one cos = -1. With n = `nodes` - 1
+    edges (6):
 
     | numbers | observation | bound | unit |
     |---|---|---|---|
@@ -46,9 +50,9 @@ class PendulumEnv(RodEnv):
     | n ... 2n-1 | sin(theta_k) | 1 | 1 |
     | 2n ... 3n-1 | rate of theta_k | 20, clipped | 10 rad/s |
 
-    `observation="base"` shows cos, sin and rate of the first edge only, what an encoder on the
-    motor measures. `observation="tip"` shows the tip's position x, y / L (bound 2) and velocity /
-    (10 rad/s L) (bound 20).
+    `observation="base"` shows cos, sin and rate of the first edge only: what an encoder on the
+    motor measures. `observation="tip"` shows the position of the tip, x and y over L (bound 2), and
+    its velocity over 10 rad/s L (bound 20).
 
     ## Rewards
 

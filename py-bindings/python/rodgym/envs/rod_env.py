@@ -11,7 +11,9 @@ import numpy.typing as npt
 
 from rodgym import _checks as checks
 from rodgym._plant import Frame, Plant, box, picture_size, plain
+from rodgym._rod import with_rod
 from rodgym.backend import LOCAL, Backend
+from rodgym.own_task import Reward, backend_of
 
 if TYPE_CHECKING:
     from gymnasium.envs.registration import EnvSpec
@@ -30,7 +32,10 @@ class RodEnv(Plant, gym.Env[Vector, Vector]):
         render_mode: `None`, `"rgb_array"` (no display needed) or `"human"` (needs pygame).
         render_size: width and height of the picture in pixels; `None`: what suits the machine.
         backend: where it is computed: in this process, or a `rodgym.remote.Server`.
-        **kwargs: keywords of the environment, see its page.
+        reward: a function of one's own that pays, see `rodgym.own_task`; `observation=` may be a
+            function, too.
+        **kwargs: keywords of the environment, see its page, and `rod`: the `rod.yml` of a fitted
+            rod (docs/lab.md), whose keywords it stands for; others come on top.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 50}
@@ -42,12 +47,15 @@ class RodEnv(Plant, gym.Env[Vector, Vector]):
         render_size: tuple[int, int] | None = None,
         *,
         backend: Backend = LOCAL,
+        reward: Reward | None = None,
         **kwargs: Any,
     ) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             allowed = f"None or one of {self.metadata['render_modes']}"
             raise checks.refused("render_mode", render_mode, allowed)
-        self._batch = backend.open(checks.env_id(env_id), 1, kwargs, "Single", -1, None)
+        keywords, name = with_rod(kwargs), checks.env_id(env_id)
+        backend = backend_of(backend, reward, keywords)
+        self._batch = backend.open(name, 1, keywords, "Single", -1, None)
         self._spec: EnvSpec | None = None
         self._render_size = picture_size(render_size)
         self._window: Any = None

@@ -1,9 +1,12 @@
 """One evaluator for every policy: learned, classical or yours.
 
+```python
 >>> import rodgym.evaluation
 >>> result = rodgym.evaluation.evaluate("lqr", "rodgym/PendulumSwingUp-v0", seeds=range(3))
 >>> result.columns["upright"].mean()
 1.0
+
+```
 """
 
 from rodgym.evaluation.bands import band_keywords, bands

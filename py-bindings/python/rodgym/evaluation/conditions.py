@@ -12,6 +12,7 @@ from rodgym import machines
 from rodgym._layers import layers
 from rodgym._own import module_of
 from rodgym._registration import REMOTE
+from rodgym._rod import with_rod
 from rodgym.errors import ParameterError, UnknownEnvError
 
 #: Keywords of `gym.make_vec` that are an evaluation's to choose: one environment a seed, each
@@ -35,7 +36,7 @@ def conditions(env_id: Any, env_kwargs: Any) -> tuple[str, dict[str, Any]]:
             raise ParameterError(f"keyword {name!r} is not allowed here: an evaluation chooses it")
     if "max_episode_steps" in keywords:
         keywords["max_episode_steps"] = checks.episode_steps(keywords["max_episode_steps"])
-    return env_id, keywords
+    return env_id, with_rod(keywords)
 
 
 def make_batch(

@@ -38,7 +38,7 @@ class Evaluation:
     ``design`` says what a controller was designed for (``nominal``, ``each``, keywords), and of a
     trained policy what was otherwise in its training (``trained: width=0.007``); ``parameters`` are
     the physical parameters that the episodes drew; ``best_known`` is the best mean return that
-    anybody has found there, where one is kept (:mod:`rodgym.evaluation.best_known`);
+    anybody has found there, where one is kept (`rodgym.evaluation.best_known`);
     ``trajectories`` are kept where asked for.
     """
 
@@ -61,7 +61,7 @@ class Evaluation:
 
     @property
     def header(self) -> list[str]:
-        """Names of the columns of :meth:`rows`."""
+        """Names of the columns of `rows`."""
         return ["policy", "design", "seed", *(c.name for c in self.described), *self._drawn]
 
     def rows(self) -> list[list[object]]:
@@ -83,15 +83,15 @@ class Evaluation:
         return [name for name in self.parameters if name not in self.columns]
 
     def write_csv(self, path: str | Path) -> None:
-        """Writes :meth:`rows` with a header."""
+        """Writes `rows` with a header."""
         write_csv(path, self.header, self.rows())
 
     def write_trajectories(self, path: str | Path) -> None:
-        """Writes every step, see :func:`rodgym.evaluation.trajectories.write_trajectories`."""
+        """Writes every step, see `rodgym.evaluation.trajectories.write_trajectories`."""
         write_trajectories(path, [self])
 
     def write_minari(self, dataset_id: str) -> Path:
-        """Writes a data set, see :func:`rodgym.evaluation.trajectories.write_minari`."""
+        """Writes a data set, see `rodgym.evaluation.trajectories.write_minari`."""
         return write_minari(dataset_id, self)
 
 
@@ -114,7 +114,7 @@ def evaluate(
 
     Parameters
     ----------
-    policy: something with ``predict``, or a name or file for :func:`load_policy`
+    policy: something with ``predict``, or a name or file for `load_policy`
     env_id: environment, ours or one that you registered (``module:id`` imports the module)
     seeds: one episode each
     env_kwargs: keywords of the environment

@@ -50,7 +50,7 @@ IDLE: dict[str, Callable[[Any], Policy]] = {"random": Random, "zero": Zero}
 
 
 def controller_names() -> list[str]:
-    """Names that :func:`load_policy` takes beside files."""
+    """Names that `load_policy` takes beside files."""
     return [*(name for name, _ in _native.controllers()), *IDLE]
 
 
@@ -74,9 +74,9 @@ def ready(
 
     Parameters
     ----------
-    source, env: as for :func:`load_policy`
+    source, env: as for `load_policy`
     env_id: the environment's id
-    design: what a controller is designed for, see :mod:`rodgym.evaluation.design`
+    design: what a controller is designed for, see `rodgym.evaluation.design`
     normalize: statistics of a trained policy's ``VecNormalize`` (itself or its file); None: those
         that it brings along; False: none
 
@@ -141,7 +141,7 @@ def load_policy(source: str, env: AnyEnv) -> Policy:
 
     Parameters
     ----------
-    source: a controller's name (:func:`controller_names`), ``zoo`` or ``zoo:NAME`` for a trained
+    source: a controller's name (`controller_names`), ``zoo`` or ``zoo:NAME`` for a trained
         policy that comes with rodgym, the path of a saved policy (``runs/demo/policy.zip``, also
         one that Stable-Baselines3 saved alone), or a class of your own (``mine.py:Policy``)
     env: environment that it will play in; a controller designs itself for its nominal parameters

@@ -10,6 +10,11 @@ from numpy.typing import NDArray
 from rodgym.evaluation.episodes import Evaluation
 
 
+def several(name: str, count: int) -> str:
+    """What a row of several trainings is called."""
+    return f"{name}, {count} training seeds"
+
+
 def pooled(evaluations: Sequence[Evaluation], name: str) -> Evaluation:
     """The episodes of several policies on the same seeds, so that means are those over all of them.
 

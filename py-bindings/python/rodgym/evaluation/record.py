@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import io
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -17,6 +19,7 @@ from rodgym.evaluation.design import Design
 from rodgym.evaluation.episodes import begin
 from rodgym.evaluation.policies import ready
 from rodgym.evaluation.policy import Policy, ask, check_policy, label_of
+from rodgym.extras import installed
 
 
 @dataclass(frozen=True)
@@ -24,7 +27,7 @@ class Record:
     """An episode of T steps of one policy.
 
     ``spec`` is what the core says of the environment; ``time`` (T,) [s] is that at the end of each
-    step; ``angles`` (T, edges) [rad] are those of :func:`edge_angles` from the machine's rest,
+    step; ``angles`` (T, edges) [rad] are those of `edge_angles` from the machine's rest,
     whatever the policy sees; ``metrics`` are (T,) each; ``frames`` are pictures, ``frame_dt``
     apart, the first one of the start. ``parameters`` are the episode's; ``estimates`` are what a
     policy that learns them has found by then: (T, 3), best value and the ends of an interval.
@@ -45,6 +48,20 @@ class Record:
     parameters: Mapping[str, float] = field(default_factory=dict)
     estimates: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
 
+    def _repr_html_(self) -> str:
+        """The episode as an animation, where a notebook shows this; needs pictures and Pillow."""
+        words = f"{self.policy}, seed {self.seed}: return {self.rewards.sum():.1f}"
+        if not self.frames or not installed("PIL"):
+            return f"<p>{words}</p>"
+        from PIL import Image
+
+        from rodgym.report.gif import write_gif
+
+        film = io.BytesIO()
+        write_gif(film, [Image.fromarray(frame) for frame in self.frames], self.frame_dt)
+        data = base64.b64encode(film.getvalue()).decode()
+        return f'<p>{words}</p><img alt="{words}" src="data:image/gif;base64,{data}">'
+
 
 def record(
     policy: str | Policy,
@@ -62,13 +79,13 @@ def record(
 
     Parameters
     ----------
-    design, normalize: as for :func:`rodgym.evaluation.evaluate`
+    design, normalize: as for `rodgym.evaluation.evaluate`
     frame_rate: pictures per second of simulated time; 0 draws none
     max_seconds: stops there, if the episode is longer
 
     Raises
     ------
-    PolicyError, ParameterError: as :func:`rodgym.evaluation.evaluate`
+    PolicyError, ParameterError: as `rodgym.evaluation.evaluate`
     """
     check_policy(policy)
     seed = checks.whole("seed", seed, 0, checks.SEEDS - 1, "a whole number from 0 to 2^64 - 1")

@@ -87,5 +87,5 @@ def columns_for(spec: Mapping[str, Any]) -> tuple[Column, ...]:
 
 
 def score(run: Trajectories) -> dict[str, Floats]:
-    """One (n,) array per column of :func:`columns_for`."""
+    """One (n,) array per column of `columns_for`."""
     return {column.name: column.measure(run) for column in columns_for(run.spec)}

@@ -181,6 +181,36 @@ def probability_of_improvement(
     Raises:
         ParameterError: the two were not scored on as many episodes, stratum by stratum.
     """
+    return _compared(_better, scores, other, level, resamples, seed)
+
+
+def ratio(
+    scores: Scores,
+    other: Scores,
+    *,
+    level: float = LEVEL,
+    resamples: int = RESAMPLES,
+    seed: int = SEED,
+) -> Interval:
+    """Mean of the scores over that of others on the same episodes, which are drawn together.
+
+    Raises:
+        ParameterError: the two were not scored on as many episodes, stratum by stratum.
+    """
+    return _compared(_ratio, scores, other, level, resamples, seed)
+
+
+def _compared(
+    statistic: Callable[[list[tuple[Floats, Floats]]], float],
+    scores: Scores,
+    other: Scores,
+    level: float,
+    resamples: int,
+    seed: int,
+) -> Interval:
+    """A number of two policies that played the same episodes: trainings are drawn apart, episodes
+    together.
+    """
     ours, theirs = strata(scores), strata(other)
     if [a.shape[1] for a in ours] != [b.shape[1] for b in theirs]:
         shapes = [a.shape for a in ours], [b.shape for b in theirs]
@@ -193,9 +223,9 @@ def probability_of_improvement(
             episodes = rng.integers(a.shape[1], size=a.shape[1])
             left, right = (rng.integers(len(part), size=len(part)) for part in (a, b))
             pairs.append((a[left][:, episodes], b[right][:, episodes]))
-        drawn.append(_better(pairs))
+        drawn.append(statistic(pairs))
     low, high = _ends(np.array(drawn), level)
-    return Interval(_better(list(zip(ours, theirs, strict=True))), float(low), float(high))
+    return Interval(statistic(list(zip(ours, theirs, strict=True))), float(low), float(high))
 
 
 def performance_profile(
@@ -289,6 +319,11 @@ def _resample(part: Floats, count: int, rng: np.random.Generator) -> Floats:
     rows = rng.integers(trained, size=(count, trained, 1))
     columns = rng.integers(episodes, size=(count, trained, episodes))
     return part[rows, columns].reshape(count, -1)
+
+
+def _ratio(pairs: list[tuple[Floats, Floats]]) -> float:
+    ours, theirs = (np.concatenate([pair[i].ravel() for pair in pairs]).mean() for i in (0, 1))
+    return float(ours / theirs)
 
 
 def _better(pairs: Sequence[tuple[Floats, Floats]]) -> float:

@@ -56,7 +56,7 @@ def load_trained(path: Path, env: AnyEnv, normalize: Any = None) -> tuple[Policy
 
     Parameters
     ----------
-    normalize: statistics of its `VecNormalize`, see :func:`statistics_of`
+    normalize: statistics of its `VecNormalize`, see `statistics_of`
 
     Raises
     ------

@@ -35,3 +35,33 @@ class FramesError(RecordingError):
 
 class MisfitError(RecordingError):
     """No parameters make the model move like the recording."""
+
+
+class FormatError(RecordingError):
+    """A file of tracks that no reader understands."""
+
+    #: What is read, for messages.
+    known = (
+        "tracks are read from CSV and Parquet, DeepLabCut (CSV, H5), DLTdv8 (xypts.csv), SLEAP "
+        "(analysis H5, CSV) and Tracker (text)"
+    )
+
+
+class ChoiceError(RecordingError):
+    """A file of several animals or cameras, of which none was chosen."""
+
+
+class FilmError(RecordingError):
+    """A film that cannot be opened, or of which nothing is left to track."""
+
+
+class CalibrationError(RecordingError):
+    """Pictures of a board that do not tell the camera."""
+
+
+class MarkersError(RecordingError):
+    """Markers that are not found, or not the same number of them."""
+
+
+class ClockError(RecordingError):
+    """Two recordings whose clocks cannot be aligned."""

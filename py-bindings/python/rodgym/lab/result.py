@@ -46,6 +46,11 @@ class Holdout(NamedTuple):
         return self.foretold < 1.3 * self.fitted and self.foretold < 0.95 * self.before
 
     @property
+    def useless(self) -> bool:
+        """Whether the model foretells much worse than it fits, and no better than the start did."""
+        return self.foretold >= 1.3 * self.fitted and self.foretold >= 0.95 * self.before
+
+    @property
     def words(self) -> str:
         """The check in a sentence."""
         last = f"the last {self.frames} frames, not fitted, are foretold to"

@@ -208,21 +208,36 @@ class RemoteBatch(Session):
 
     def simulation(self, index: int) -> _native.Simulation:
         """An exact copy, here, of what runs in environment `index`."""
-        return self._twin(index).simulation(0)
+        return self.twin(index).simulation(0)
 
     def step_jacobian(
         self, index: int, action: Any, parameters: list[str]
     ) -> dict[str, npt.NDArray[np.float64]]:
         """Derivatives of a step, computed here; see `_native.Batch.step_jacobian`."""
-        return self._twin(index).step_jacobian(0, action, parameters)
+        return self.twin(index).step_jacobian(0, action, parameters)
 
     def rollout_gradient(
         self, index: int, actions: Any, parameters: list[str]
     ) -> dict[str, npt.NDArray[np.float64]]:
         """Gradients of a sum of rewards, computed here; see `_native.Batch.rollout_gradient`."""
-        return self._twin(index).rollout_gradient(0, actions, parameters)
+        return self.twin(index).rollout_gradient(0, actions, parameters)
 
-    def _twin(self, index: int) -> _native.Batch:
+    def step_jacobians(
+        self, actions: Any, parameters: list[str]
+    ) -> dict[str, npt.NDArray[np.float64]]:
+        """Derivatives of a step of each, computed here one after the other."""
+        each = enumerate(actions)
+        return _stacked([self.step_jacobian(i, row, parameters) for i, row in each])
+
+    def rollout_gradients(
+        self, actions: Any, parameters: list[str]
+    ) -> dict[str, npt.NDArray[np.float64]]:
+        """Gradients of a sum of rewards of each, computed here one after the other."""
+        each = enumerate(actions)
+        return _stacked([self.rollout_gradient(i, row, parameters) for i, row in each])
+
+    def twin(self, index: int) -> _native.Batch:
+        """Environment `index` as it is now, alone in a batch of this process."""
         twin = _native.Batch(self.spec["id"], 1, self._arguments[4], "Disabled", None, 1)
         twin.set_state(0, self.get_state(index))
         return twin
@@ -355,3 +370,8 @@ def _split_state(options: dict[str, Any], arrays: Arrays) -> tuple[dict[str, Any
             raise ParameterError(f"options['state'] must hold lists of numbers: {error}") from error
         arrays = {**arrays, **numbers}
     return options, arrays
+
+
+def _stacked(each: list[dict[str, npt.NDArray[np.float64]]]) -> dict[str, npt.NDArray[np.float64]]:
+    """The same arrays of several environments with a first axis of as many."""
+    return {name: np.stack([found[name] for found in each]) for name in each[0]}

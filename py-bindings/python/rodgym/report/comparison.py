@@ -15,15 +15,17 @@ from rodgym import machines
 from rodgym.evaluation import Evaluation, Policy, Record, evaluate, record, statistics
 from rodgym.evaluation.conditions import make_single
 from rodgym.evaluation.design import Design
-from rodgym.evaluation.pooled import pooled, scores
+from rodgym.evaluation.pooled import pooled, scores, several
 from rodgym.evaluation.trajectories import write_trajectories
 from rodgym.extras import installed
 from rodgym.report import animation, plots
 from rodgym.report import statistics as pictures
+from rodgym.report.gif import write_gif
 from rodgym.report.players import Player, describe
 from rodgym.runs import Run, write_csv
 
 if TYPE_CHECKING:
+    from rodgym.robustness import Robustness
     from rodgym.training import Training
 
 #: GIF delays are whole hundredths of a second: 25 pictures a second is exact.
@@ -70,6 +72,8 @@ class Comparison:
     #: What several trainings of one recipe tell, a line each.
     statistics: tuple[str, ...]
     seconds: float
+    #: How much may go wrong, where that was measured; ``robustness.png`` is drawn then.
+    robustness: Robustness | None = None
 
 
 def compare(
@@ -136,7 +140,7 @@ def compare(
     for own in machines.of(records[0].spec).pictures:
         own.draw(run.file(own.file), records, evaluations)
     frames = animation.side_by_side(records)
-    animation.write_gif(run.file("animation.gif"), frames, records[0].frame_dt)
+    write_gif(run.file("animation.gif"), frames, records[0].frame_dt)
     if installed("imageio_ffmpeg"):
         animation.write_mp4(run.file("animation.mp4"), frames, records[0].frame_dt)
     if trainings:
@@ -181,11 +185,6 @@ def _draw_learning(
     columns = [CURVE.index(name) for name in ("steps", "seconds", "return")]
     curves = [tuple([row[c] for row in t.curve] for c in columns) for t in trainings]
     pictures.learning_curves(path, {entrants[0].name: curves}, levels)  # type: ignore[dict-item]
-
-
-def several(name: str, count: int) -> str:
-    """What a row of several trainings is called."""
-    return f"{name}, {count} training seeds"
 
 
 def several_trainings(run: Run, grouped: Mapping[str, NDArray[np.float64]]) -> tuple[str, ...]:

@@ -41,6 +41,7 @@ def write_page(run: Run, comparison: Comparison) -> Path:
         trainings=comparison.trainings,
         statistics=comparison.statistics,
         players=comparison.players,
+        robustness=comparison.robustness,
         reward=reward_of(first.spec),
         how=_how(run, comparison),
         files=sorted(path.name for path in run.path.iterdir() if path.is_file()),

@@ -19,6 +19,19 @@ from rodgym.evaluation.saved import read_card
 NO_HYPERPARAMETERS = (
     "policy", "env", "seed", "device", "verbose", "tensorboard_log", "_init_setup_model",
 )  # fmt: skip
+#: Units of what designs settle on (`rodgym.baselines.Controller.parameters`).
+UNITS = {
+    "angle_weight": "1/rad^2",
+    "rate_weight": "s^2/rad^2",
+    "torque_weight": "1/(N m)^2",
+    "most_torque": "N m",
+    "switch_angle": "rad",
+    "swing_amplitude": "N m",
+    "swing_frequency": "rad/s",
+    "angle_noise": "rad",
+    "rate_noise": "rad/s",
+    "frequency": "Hz",
+}
 #: Keywords of an environment that bound its actuator.
 LIMITS = ("torque_limit", "pitch_limit", "command_cutoff", "actuator_delay", "control_dt")
 
@@ -44,7 +57,10 @@ def describe(entrant: Any, env: Any, env_id: str) -> Player:
         facts = {
             "designed for": words(policy.design, units),
             "limits": words(limits, units),
-            **{name.replace("_", " "): f"{v:.4g}" for name, v in policy.parameters.items()},
+            **{
+                name.replace("_", " "): f"{value:.4g} {UNITS.get(name, '')}".strip()
+                for name, value in policy.parameters.items()
+            },
         }
         return Player(entrant.name, first_paragraph(type(policy)), facts, {})
     if isinstance(policy, EachEpisode):

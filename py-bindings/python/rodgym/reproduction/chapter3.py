@@ -12,6 +12,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 
+from rodgym.lab.fin_in_air import Experiment, fit_as_the_thesis
 from rodgym.report.style import COLOURS, INK, styled
 from rodgym.reproduction.fin_runs import (
     AMPLITUDES,
@@ -19,8 +20,8 @@ from rodgym.reproduction.fin_runs import (
     STEPS,
     Period,
     in_air,
-    minimise,
     period,
+    pitched,
 )
 from rodgym.reproduction.finding import Finding, write_findings
 from rodgym.runs import Run, write_csv
@@ -152,19 +153,9 @@ def air(run: Run) -> Finding:
 
 def fit(measured: Mapping[tuple[float, float], np.ndarray], frames: int) -> tuple[float, ...]:
     """E [Pa], zeta [kg/s] and cost (thesis 3.1) [m] of the fin that moves most like that."""
-
-    def cost(p: np.ndarray) -> float:
-        e, zeta = float(np.exp(p[0])), float(np.exp(p[1]))
-        if not (1e4 < e < 1e10 and zeta < 10.0):
-            return 1e9
-        total = 0.0
-        for case, seen in measured.items():
-            gap = seen - in_air(*case, frames, youngs_modulus=e, damping=zeta)
-            total += float(np.sqrt(np.sum(gap**2)))
-        return total
-
-    found = minimise(cost, np.log([2e6, 0.05]), 0.7, 60)
-    return (*(float(value) for value in np.exp(found)), cost(found))
+    experiments = [Experiment(seen, pitched(*case, frames)) for case, seen in measured.items()]
+    found, cost = fit_as_the_thesis(experiments)
+    return found["youngs_modulus"], found["damping"], cost
 
 
 def thrust_maps(run: Run, grid: Grid) -> Finding:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from rodgym.lab.fin_in_air import moved
 from rodgym.sim import Fin
 
 Array = npt.NDArray[np.float64]
@@ -19,6 +19,8 @@ FREQUENCIES = (0.5, 1.0, 1.5, 2.0)
 PERIODS, STEPS = 5, 400
 #: Water, flow and geometry of thesis (3.2).
 DENSITY, LENGTH, HEIGHT = 1000.0, 0.14, 0.115
+#: Physics steps from frame to frame in air.
+PER_FRAME = 12
 
 
 @dataclass(frozen=True)
@@ -82,42 +84,10 @@ def period(amplitude: float, frequency: float, **fin: Any) -> Period:
 
 def in_air(amplitude: float, frequency: float, frames: int, **fin: Any) -> Array:
     """Sideways positions of all nodes [m] at 30 frames a second in air, (frames, nodes)."""
-    per_frame = 12
-    dt = 1.0 / (30 * per_frame)
-    plant = Fin(thesis=True, stepper="bdf2", physics_dt=dt, hydrodynamics="air", **fin)
-    pitch = drive(amplitude, frequency, np.arange(1, frames * per_frame + 1) * dt)
-    seen = []
-    for frame in pitch.reshape(frames, per_frame):
-        plant.follow(frame)
-        seen.append(plant.positions[:, 1])
-    return np.array(seen)
+    return moved(pitched(amplitude, frequency, frames), PER_FRAME, fin)
 
 
-def minimise(cost: Callable[[Array], float], start: Array, size: float, rounds: int) -> Array:
-    """Nelder and Mead's simplex (the thesis' fminsearch), a fixed number of rounds."""
-    n = len(start)
-    points = [start, *(start + size * np.eye(n)[i] for i in range(n))]
-    values = [cost(p) for p in points]
-    for _ in range(rounds):
-        order = np.argsort(values)
-        points, values = [points[i] for i in order], [values[i] for i in order]
-        centre = np.mean(points[:-1], axis=0)
-        reflected = 2 * centre - points[-1]
-        at_reflected = cost(reflected)
-        if at_reflected < values[0]:
-            expanded = 3 * centre - 2 * points[-1]
-            at_expanded = cost(expanded)
-            better = at_expanded < at_reflected
-            points[-1] = expanded if better else reflected
-            values[-1] = at_expanded if better else at_reflected
-        elif at_reflected < values[-2]:
-            points[-1], values[-1] = reflected, at_reflected
-        else:
-            inner = 0.5 * (centre + points[-1])
-            at_inner = cost(inner)
-            if at_inner < values[-1]:
-                points[-1], values[-1] = inner, at_inner
-            else:
-                points = [points[0], *(0.5 * (points[0] + p) for p in points[1:])]
-                values = [values[0], *(cost(p) for p in points[1:])]
-    return points[int(np.argmin(values))]
+def pitched(amplitude: float, frequency: float, frames: int) -> Array:
+    """Pitch [rad] of such a run at the end of every physics step."""
+    t = np.arange(1, frames * PER_FRAME + 1) / (30 * PER_FRAME)
+    return drive(amplitude, frequency, t)

@@ -5,10 +5,13 @@ the rod, its sensors, its motor, a push. A score is the share of episodes that s
 values of the quantity. (The convention is that of the RealAIGym leaderboards: Wiebe et al. 2025,
 arXiv:2503.15290.)
 
+```python
 >>> from rodgym import robustness
 >>> result = robustness.measure(["lqr"], seeds=2, quantities=["actuator_gain"], points=3)
 >>> result.score("lqr", "actuator_gain")
 1.0
+
+```
 """
 
 from rodgym.robustness.candidate import Candidate, usual_env

@@ -82,7 +82,7 @@ class Robustness:
         return table
 
     def write_csv(self, path: Path | str) -> None:
-        """Writes :meth:`rows` with a header."""
+        """Writes `rows` with a header."""
         header = ["policy", "quantity", "score", "holds_from", "holds_to", "nominal_return"]
         write_csv(Path(path), header, self.rows())
 

@@ -100,8 +100,10 @@ class Simulation(Fixed):
         without what the base torque does [m/s^2]; `bdf2` positions and velocities a step before,
         and 1 where those are known, else 0.
 
-        Raises:
-            ParameterError: a fin, which has none yet.
+        Of a fin positions [m] of all nodes but the pivot, x and y a node, with the pivot's x where
+        it swims freely; velocities [m/s] of all nodes; with `bdf2` the same a step before, and 1
+        where those are known, else 0; then angle and rate of the servo and of the five stages of
+        its low-pass [rad, rad/s].
         """
         return self._native.get_vector()
 
@@ -119,7 +121,7 @@ class Simulation(Fixed):
         machine stays where it is.
 
         Arguments:
-            input: a pendulum's base torque [N m].
+            input: a pendulum's base torque [N m]; a fin's pitch [rad], at which every step ends.
             n: physics steps.
             parameters: names of physical parameters.
 
@@ -127,7 +129,7 @@ class Simulation(Fixed):
             `A` (s, s) by the vector, `B` (s, 1) by the input, `P` (s, p) by the parameters.
 
         Raises:
-            ParameterError: an input that is not finite, a name that is no parameter, a fin.
+            ParameterError: an input that is not finite, a name that is no parameter.
             SolverError: a step failed in its smallest parts.
         """
         value = number("input", input, "N m")

@@ -26,7 +26,7 @@ import itertools
 import json
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -75,6 +75,12 @@ class Study:
         """Every policy of its cases, once."""
         fixed = [self.fixed["policy"]] if "policy" in self.fixed else []
         return list(dict.fromkeys([*fixed, *self.sweep.get("policy", ())]))
+
+    def with_keywords(self, keywords: Mapping[str, Any]) -> Study:
+        """The same with more keywords of the environment; its own come on top."""
+        more = {f"env.{name}": value for name, value in keywords.items()}
+        fixed = {name: value for name, value in more.items() if name not in self.sweep}
+        return replace(self, fixed={**fixed, **self.fixed})
 
     def __len__(self) -> int:
         count = 1

@@ -72,7 +72,7 @@ def random_streams() -> dict[str, Any]:
 
 
 def set_random_streams(streams: dict[str, Any]) -> None:
-    """Goes on where :func:`random_streams` was."""
+    """Goes on where `random_streams` was."""
     random.setstate(streams["python"])
     np.random.set_state(streams["numpy"])  # noqa: NPY002
     torch.set_rng_state(streams["torch"])
@@ -88,7 +88,7 @@ def exploration(model: BaseAlgorithm) -> list[dict[str, Any]]:
 
 
 def set_exploration(model: BaseAlgorithm, noise: list[dict[str, Any]]) -> None:
-    """Goes on with the noise of :func:`exploration`."""
+    """Goes on with the noise of `exploration`."""
     owners = [module for module in model.policy.modules() if hasattr(module, "action_dist")]
     for owner, values in zip(owners, noise, strict=True):
         vars(owner.action_dist).update(values)
@@ -107,7 +107,7 @@ def write(path: Path, state: dict[str, Any]) -> None:
 
 
 def read(path: Path) -> dict[str, Any]:
-    """What :func:`write` wrote.
+    """What `write` wrote.
 
     Raises
     ------

@@ -118,7 +118,7 @@ def classes(key: str, given: Any, kind: type) -> list[tuple[type, dict[str, Any]
 
     Raises
     ------
-    RecipeError: another form, or see :func:`named_class`
+    RecipeError: another form, or see `named_class`
     """
     return [
         (named_class(key, name, kind), keywords) for name, keywords in named_keywords(key, given)

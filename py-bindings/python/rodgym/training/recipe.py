@@ -249,7 +249,7 @@ def schedule(name: str, value: Any) -> Any:
 
 
 def load_recipe(env_id: str, algorithm: str = "PPO", file: Path | None = None) -> Recipe:
-    """The recipe of an environment, from ``file`` or from the zoo, or else :func:`plain_recipe`.
+    """The recipe of an environment, from ``file`` or from the zoo, or else `plain_recipe`.
 
     A file holds entries by environment (``default`` stands for all), as those of
     rl-baselines3-zoo, or one entry alone, as the ``config.yml`` that it writes.

@@ -70,7 +70,7 @@ def train(
     """Trains, and saves ``policy.zip`` and ``learning_curve.csv`` in the run's folder.
 
     Ctrl-C ends the training after the current step; what was learnt until then is kept, and
-    :func:`resume` goes on.
+    `resume` goes on.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def train(
     stages: whether the agent of every validation is kept in the folder ``stages``
     callbacks: callbacks of Stable-Baselines3, beside those that the recipe names
     on_validation: called with steps and mean return at every validation
-    resumable: whether checkpoints are written, from which :func:`resume` goes on
+    resumable: whether checkpoints are written, from which `resume` goes on
     quiet: whether nothing is shown
 
     Raises
@@ -124,7 +124,7 @@ def resume(run: Run, *, quiet: bool = False) -> Training:
 
 
 def unfinished(run: Run) -> bool:
-    """Whether a run's folder has a training that :func:`resume` would go on with."""
+    """Whether a run's folder has a training that `resume` would go on with."""
     return (run.path / CHECKPOINT).is_file()
 
 

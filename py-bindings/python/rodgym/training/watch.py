@@ -87,7 +87,7 @@ class Watch(BaseCallback):
         }  # fmt: skip
 
     def resume(self, state: Mapping[str, Any]) -> None:
-        """Goes on from :meth:`state` at the next start of a rollout."""
+        """Goes on from `state` at the next start of a rollout."""
         for name in self.KEPT:
             setattr(self, name, state[name])
         self.began = time.perf_counter() - state["seconds"]

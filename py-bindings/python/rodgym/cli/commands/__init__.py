@@ -9,5 +9,5 @@ has
 * ``run(args) -> int``: the work, and the exit code.
 
 Importing such a module must be cheap: heavy packages (torch, matplotlib) are imported inside
-``run``. A wrong argument that argparse cannot see raises :class:`rodgym.cli.UsageError`.
+``run``. A wrong argument that argparse cannot see raises `rodgym.cli.UsageError`.
 """

@@ -8,10 +8,11 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rodgym.cli.arguments import (
     UsageError,
+    add_band,
     add_designs,
     add_env,
     add_normalize,
@@ -25,6 +26,7 @@ from rodgym.cli.commands.train import add_training, options
 
 if TYPE_CHECKING:
     from rodgym.report import Entrant
+    from rodgym.robustness import Robustness
     from rodgym.runs import Run
 
 SUMMARY = "train an agent, compare it with controllers on the same seeds, write a report"
@@ -32,6 +34,7 @@ EXAMPLES = """
 rodgym compare
 rodgym compare --env rodgym/PendulumSwingUpBase-v0 --controller lqg,thesis-lqg
 rodgym compare --policy lqr --controller lqr-hybrid
+rodgym compare --policy zoo --band starts --robustness
 rodgym compare --train-seeds 10
 rodgym compare --policy runs/ten --controller lqr
 rodgym compare --policy zoo,runs/demo/policy.zip --controller lqr --env-arg width=0.0081
@@ -58,10 +61,17 @@ def add_arguments(parser: argparse.ArgumentParser, **run: str) -> None:
         "with rodgym, controllers, classes of yours: mine.py:Class, or the folder of several "
         "trainings (rodgym train --train-seeds), which is one row",
     )
+    add_band(parser)
     add_designs(parser)
     add_normalize(parser)
     add_seeds(parser)
     add_trajectories(parser)
+    parser.add_argument(
+        "--robustness",
+        action="store_true",
+        help="also measure how much may go wrong before each fails, as 'rodgym robustness' does, "
+        "and show it in the report (minutes)",
+    )
     add_training(parser)
     add_run(parser, **run)
 
@@ -92,6 +102,7 @@ def run(args: argparse.Namespace) -> int:
     from rodgym.cli.entrants import new_run, rows_of, trained
     from rodgym.cli.needs import REPORT, need, of_data, of_env, of_policy
     from rodgym.cli.needs import TRAINING as TRAINS
+    from rodgym.evaluation import band_keywords
     from rodgym.evaluation.conditions import make_batch
     from rodgym.evaluation.policies import ready
     from rodgym.runs import default_name
@@ -103,7 +114,9 @@ def run(args: argparse.Namespace) -> int:
     need(*policies, *REPORT, *of_env(args.env), *of_data(args.trajectories, None))
     from rodgym.report import Entrant  # It draws, so that it needs what was asked for above.
 
+    # A training is of the environment as it is named; a band is for playing.
     keywords = env_keywords(args.env, args.env_arg)
+    keywords = band_keywords(args.band, args.env, keywords)
     env = make_batch(args.env, 1, keywords)
     try:
         spec = machines.spec_of(env)
@@ -128,10 +141,12 @@ def run(args: argparse.Namespace) -> int:
         env.close()
     folder = new_run(args.name or default_name("compare", args.env), args.runs, args.force)
     folder.folder()
-    return report(args, entrants, folder)
+    return report(args, entrants, folder, keywords)
 
 
-def report(args: argparse.Namespace, entrants: list[Entrant], folder: Run) -> int:
+def report(
+    args: argparse.Namespace, entrants: list[Entrant], folder: Run, keywords: dict[str, Any]
+) -> int:
     """The work of ``compare`` and ``demo``."""
     from rodgym.cli.commands.train import train_all
     from rodgym.evaluation import comparison_table
@@ -155,13 +170,16 @@ def report(args: argparse.Namespace, entrants: list[Entrant], folder: Run) -> in
         args.env,
         folder,
         seeds=args.seeds,
-        env_kwargs=dict(args.env_arg),
+        env_kwargs=keywords,
         trainings=trainings,
         trajectories=args.trajectories,
     )
+    if args.robustness:
+        comparison = replace(comparison, robustness=robustness(args, entrants, folder))
     folder.facts |= {
         "env": args.env,
-        "env_kwargs": dict(args.env_arg),
+        "env_kwargs": keywords,
+        "band": args.band,
         "seeds": str(args.seeds),
         "designs": {e.policy: e.design for e in comparison.evaluations},
     }
@@ -178,8 +196,36 @@ def report(args: argparse.Namespace, entrants: list[Entrant], folder: Run) -> in
     print()
     for line in comparison.statistics:
         print(line)
+    if comparison.robustness is not None:
+        print(comparison.robustness.table())
     print(f"report: {page}")
     return 0
+
+
+def robustness(args: argparse.Namespace, entrants: list[Entrant], folder: Run) -> Robustness:
+    """How much may go wrong, from the environment as it is named, without a band.
+
+    Controllers are designed for the nominal machine, so that their designs are one row; of several
+    trainings the first stands for all.
+    """
+    from rodgym.cli.entrants import title
+    from rodgym.progress import Bar
+    from rodgym.report import Entrant
+    from rodgym.robustness import Candidate, measure
+    from rodgym.robustness.plot import draw
+
+    keywords = env_keywords(args.env, args.env_arg)
+    policies = dict.fromkeys(str(entrant.policy) for entrant in entrants)
+    named = unique([Entrant(title(policy), policy) for policy in policies])
+    with Bar("robustness", 1) as bar:
+        result = measure(
+            [Candidate(one.name, str(one.policy), args.env, keywords) for one in named],
+            table=folder.file("robustness-values.csv"),
+            on_row=bar.at,
+        )
+    result.write_csv(folder.file("robustness.csv"))
+    draw(result, folder.file("robustness.png"))
+    return result
 
 
 def unique(entrants: list[Entrant]) -> list[Entrant]:

@@ -9,13 +9,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from rodgym.cli.arguments import UsageError, key_value
+from rodgym.cli.arguments import key_value
+from rodgym.cli.reading import add_reading, names, reading
 
 SUMMARY = "fit a rod's parameters to a film of it"
 EXAMPLES = """
 rodgym fit film.csv --known width=0.007 --known length=0.3
 rodgym fit film.csv --free youngs_modulus,bending_damping --known density=1180 --out fit
 rodgym fit film.csv --unit mm --y down --start youngs_modulus=2e6
+rodgym fit filmDLC_resnet50.csv --rate 120 --scale 4.1e-4 --markers base,m1,m2,m3,tip
 """
 #: Machines whose films are understood.
 MACHINES = ("pendulum",)
@@ -25,8 +27,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "film",
         type=Path,
-        help="CSV with the columns time,x1,y1,...,xN,yN: seconds and metres, base first, y up; an "
-        "empty cell is a lost marker",
+        help="tracks: CSV or Parquet with time,x1,y1,...,xN,yN (seconds and metres, base first, y "
+        "up; an empty cell is a lost marker), or a file of 'rodgym track', DeepLabCut, DLTdv8, "
+        "SLEAP or Tracker",
     )
     parser.add_argument(
         "--machine",
@@ -67,21 +70,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="S1,...,SN",
         help="places of the markers along the rod [m] (default: evenly from base to tip)",
     )
-    parser.add_argument(
-        "--unit", choices=("m", "cm", "mm"), default="m", help="unit of the positions (default m)"
-    )
-    parser.add_argument(
-        "--scale", type=float, metavar="M", help="metres of one unit of the table: for pixels"
-    )
-    parser.add_argument("--y", choices=("up", "down"), default="up", help="where y points")
+    add_reading(parser)
     parser.add_argument(
         "--out", type=Path, default=Path("fit"), metavar="DIR", help="folder of the results"
     )
-
-
-def names(text: str) -> tuple[str, ...]:
-    """``youngs_modulus,bending_damping``."""
-    return tuple(name.strip() for name in text.split(",") if name.strip())
 
 
 def value(text: str) -> tuple[str, Any]:
@@ -108,9 +100,7 @@ def run(args: argparse.Namespace) -> int:
     from rodgym.lab.report import write_report
     from rodgym.runs import Run
 
-    if args.scale is not None and not args.scale > 0:
-        raise UsageError(f"--scale {args.scale:g}: it must be above 0")
-    tracks = lab.read_tracks(args.film, unit=args.unit, scale=args.scale, y=args.y)
+    tracks = lab.read_tracks(args.film, **reading(args))
     found = lab.fit(
         tracks,
         free=args.free,

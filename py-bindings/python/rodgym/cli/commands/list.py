@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import textwrap
 from collections.abc import Sequence
 from typing import Any
 
@@ -11,7 +12,7 @@ from rodgym.cli.arguments import UsageError, env_id
 #: Parts of a space.
 SPACE = ("low", "high", "names")
 
-SUMMARY = "the environments, or the keywords of one"
+SUMMARY = "the environments, or everything about one: reward, observation, keywords, accuracy"
 EXAMPLES = """
 rodgym list
 rodgym list PendulumSwingUp
@@ -89,15 +90,36 @@ def describe(name: str) -> str:
     return "\n\n".join(
         [
             f"{name}: {spec['default_max_episode_steps']} steps of {spec['control_dt']:g} s, "
-            f"physics by {physics(spec)}",
+            f"physics by {physics(spec)}{expected(spec)}",
             "observation\n" + table([("from", "to", "what"), *seen]),
             f"action\n  {', '.join(spec['action']['names'])}",
-            f"reward, the sum of\n  {', '.join(spec['reward_terms'])}",
+            reward(spec),
             f"info at every step\n  reward_terms, {', '.join(spec['metrics'])}",
             "physical parameters (fixed, randomised, or set at reset)\n" + table([head, *keywords]),
             "other keywords\n" + table([head, *others]),
         ]
     )
+
+
+def expected(spec: dict[str, Any]) -> str:
+    """How exact the steps are, where there is an estimate."""
+    if spec["error"] is None:
+        return ""
+    return (
+        f",\n  which keeps the tip within {spec['error']:.0e} of the length from the converged "
+        "path after 1 s of free swing"
+    )
+
+
+def reward(spec: dict[str, Any]) -> str:
+    """Terms with formula and range, as the environment's page has them."""
+    from rodgym.report.reward import reward_of
+
+    known = reward_of(spec)
+    if known is None:
+        return f"reward, the sum of\n  {', '.join(spec['reward_terms'])}"
+    symbols = textwrap.fill(known.symbols, 96, initial_indent="  ", subsequent_indent="  ")
+    return "reward\n" + table([("term", "value", "range"), *known.terms]) + f"\n{symbols}"
 
 
 def shown(value: Any, words: str) -> str:

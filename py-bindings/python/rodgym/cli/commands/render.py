@@ -100,6 +100,7 @@ def run(args: argparse.Namespace) -> int:
         )
         return 0
     from rodgym.report import animation
+    from rodgym.report.gif import write_gif
 
     if args.out.suffix == ".png":
         env_kwargs["render_size"] = still_size(env_id, env_kwargs, animation.STILL)
@@ -114,7 +115,7 @@ def run(args: argparse.Namespace) -> int:
         frame_rate=25.0,
     )
     if args.out.suffix == ".gif":
-        animation.write_gif(args.out, animation.side_by_side([episode], 480), episode.frame_dt)
+        write_gif(args.out, animation.side_by_side([episode], 480), episode.frame_dt)
     elif args.out.suffix == ".mp4":
         animation.write_mp4(args.out, animation.side_by_side([episode], 480), episode.frame_dt)
     else:

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import argparse
 
-from rodgym.cli.arguments import positive
+from rodgym.cli.arguments import positive, rod_file
 
 SUMMARY = "run a sweep of policies, parameters or start states"
 EXAMPLES = """
 rodgym study attraction
 rodgym study my_sweep.yml --workers 2 --name sweep
+rodgym study my_sweep.yml --rod fit/rod.yml
 rodgym study my_sweep.yml --ray local
 rodgym study my_sweep.yml --ray ray://head:10001
 """
@@ -23,6 +24,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     from rodgym.study.spec import plans
 
     parser.add_argument("study", help=f"a YAML file, or one of {', '.join(plans())}")
+    parser.add_argument(
+        "--rod",
+        type=rod_file,
+        metavar="FILE",
+        help="rod.yml of 'rodgym fit': the environments of all cases get that rod; what the study "
+        "says comes on top",
+    )
     parser.add_argument(
         "--workers",
         type=positive,
@@ -54,6 +62,8 @@ def run(args: argparse.Namespace) -> int:
     on_ray = () if args.ray is None else ("ray",)
     need("yaml", *on_ray)
     study = read(args.study)
+    if args.rod:
+        study = study.with_keywords(dict(args.rod))
     # What draws is asked for now: a study may take hours.
     drawn = ("matplotlib",) if study.plot else ()
     need("yaml", *on_ray, *drawn, *of_policy(*study.policies), *of_env(study.env))

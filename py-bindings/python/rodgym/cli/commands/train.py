@@ -36,7 +36,7 @@ rodgym train --name sac --resume
 rodgym train --train-seeds 10 --name ten
 """
 
-#: What the arguments of :func:`add_training` mean where they are left out.
+#: What the arguments of `add_training` mean where they are left out.
 ALGORITHM, SEED = "PPO", 0
 #: Arguments that say what a training is; one that is resumed has them already.
 DECIDED = ("algorithm", "steps", "seed", "recipe", "changes", "train_seeds", "force")
@@ -149,7 +149,7 @@ def resume(args: argparse.Namespace, folder: Run) -> Training:
 
 
 def train(args: argparse.Namespace, folder: Run) -> Training:
-    """Trains one agent as the arguments of :func:`add_training` say."""
+    """Trains one agent as the arguments of `add_training` say."""
     return train_all(args, folder)[0]
 
 
