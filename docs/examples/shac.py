@@ -1,9 +1,9 @@
 """First-order learning: a policy that learns from the derivatives of the rod itself.
 
-Short-horizon actor-critic (SHAC; Xu et al. 2022, arXiv 2204.07137) on `rodgym.torch.step`. The actor
-plays a short window, what it earned there goes back through reward, rod and policy, and a critic says
-what comes after the window's end: gradients through a whole swing-up would explode. Compare with PPO,
-which sees rewards alone: `rodgym train`.
+Short-horizon actor-critic (SHAC; Xu et al. 2022, arXiv 2204.07137) on `rodgym.torch.step`. The
+actor plays a short window, what it earned there goes back through reward, rod and policy, and a
+critic says what comes after the window's end: gradients through a whole swing-up would explode.
+Compare with PPO, which sees rewards alone: `rodgym train`.
 
 shac.py --steps 400000 --out shac.csv
 """
@@ -96,7 +96,7 @@ def play(envs, observation, reset, actor, slow, length: int):
         cut = ended if t < length - 1 else torch.ones(n, dtype=torch.bool)
         value = slow(observation).squeeze(1)
         loss = loss - (discount * result.reward).sum() / (n * length)
-        # Whatever ends here goes on in the critic's eyes; a fall does not, but a rod cannot fall here.
+        # A time limit is no end in the critic's eyes (and a swing-up has no other).
         loss = loss - (GAMMA * discount * value * cut).sum() / (n * length)
         discount = torch.where(cut, torch.ones(n), GAMMA * discount)
         # (In this mode the step after an episode's end resets the environment, and earns nothing.)

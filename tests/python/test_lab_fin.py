@@ -71,9 +71,8 @@ def test_lost_positions_and_outliers_do_not_change_the_result(soft):
 
 def test_a_stiff_fin_is_named_as_not_identifiable():
     fit = lab.fit_fin(recorded({"youngs_modulus": 8e8, "damping": 0.1238}))
-    assert "youngs_modulus" in fit.not_identifiable
     assert "faster" in fit.not_identifiable["youngs_modulus"]
-    assert "youngs_modulus" not in fit.as_dict()["parameters"]
+    assert fit.as_dict()["parameters"].keys().isdisjoint(fit.not_identifiable)
     with pytest.raises(lab.RecordingError, match="does not tell"):
         gym.make("rodgym/FinThrust-v0", rod=fit)
 

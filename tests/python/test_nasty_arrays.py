@@ -103,6 +103,9 @@ def fresh() -> dict[str, Callable[[Any], Any]]:
     still, flags = np.zeros((2, 1), np.float32), np.ones(2, dtype=bool)
     scene, gallery = batch.scene(0), _native.Gallery()
 
+    def squares(target: Any, state: Any, last: Any) -> _native.Search:
+        return _native.Search(batch, 0, 20, np.zeros(5), quadratic=(target, state, 1.0, last))
+
     def riccati(solve: Callable[..., Any], place: int, array: Any) -> Any:
         matrices: list[Any] = [EYE * 0.5, EYE, EYE, EYE, EYE * 0.0]
         matrices[place] = array
@@ -169,6 +172,10 @@ def fresh() -> dict[str, Callable[[Any], Any]]:
         "Simulation.act drive": lambda x: fin.act("drive", [x], 3),
         "Simulation.__setstate__ state": bare.__setstate__,
         "Simulation.__setstate__ numbers": lambda x: bare.__setstate__((x, 0)),
+        "Search actions": lambda x: _native.Search(batch, 0, 20, x),
+        "Search target": lambda x: squares(x, np.ones(24), np.zeros(24)),
+        "Search state": lambda x: squares(np.zeros(24), x, np.zeros(24)),
+        "Search last": lambda x: squares(np.zeros(24), np.ones(24), x),
         "Controller spec": lambda x: _native.Controller("lqr", {**batch.spec, "action": x}),
         "Controller.predict observation": lambda x: lqr.predict(x, known, flags),
         "Controller.predict state": lambda x: lqr.predict(seen, x, flags),

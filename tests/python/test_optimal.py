@@ -1,5 +1,5 @@
-"""Promise: `rodgym.optimize` finds what it says, within its limits, and leaves the environment alone;
-the best known actions return what is kept, to the last digit.
+"""Promise: `rodgym.optimize` finds what it says, within its limits, and leaves the environment
+alone; the best known actions return what is kept, to the last digit.
 """
 
 from __future__ import annotations

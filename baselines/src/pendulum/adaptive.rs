@@ -148,11 +148,11 @@ impl Controller for LqgAdaptive {
     fn takes_lost_samples(&self) -> bool {
         true
     }
-    fn numbers(&self) -> Option<Vec<u8>> {
-        saved::written(&self.numbers)
-    }
     fn parameters(&self) -> Vec<(&'static str, f64)> {
         [self.numbers.schedule.first().parameters(), self.numbers.noise.by_name()].concat()
+    }
+    fn numbers(&self) -> Option<Vec<u8>> {
+        saved::written(&self.numbers)
     }
     fn start(&self, observation: &[f32], state: &mut [f64]) {
         state.fill(0.0);

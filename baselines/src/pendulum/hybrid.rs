@@ -121,9 +121,6 @@ impl Controller for HybridLqr {
     fn state_size(&self) -> usize {
         1
     }
-    fn numbers(&self) -> Option<Vec<u8>> {
-        saved::written(self)
-    }
     fn parameters(&self) -> Vec<(&'static str, f64)> {
         let mut named = self.weights.by_name();
         named.extend([
@@ -132,6 +129,9 @@ impl Controller for HybridLqr {
             ("swing_frequency", self.swing_frequency),
         ]);
         named
+    }
+    fn numbers(&self) -> Option<Vec<u8>> {
+        saved::written(self)
     }
     fn start(&self, _observation: &[f32], state: &mut [f64]) {
         state[0] = 0.0;

@@ -106,11 +106,11 @@ impl Controller for Lqg {
     fn takes_lost_samples(&self) -> bool {
         true
     }
-    fn numbers(&self) -> Option<Vec<u8>> {
-        saved::written(&self.numbers)
-    }
     fn parameters(&self) -> Vec<(&'static str, f64)> {
         [self.numbers.regulator.parameters(), self.numbers.noise.by_name()].concat()
+    }
+    fn numbers(&self) -> Option<Vec<u8>> {
+        saved::written(&self.numbers)
     }
     fn start(&self, observation: &[f32], state: &mut [f64]) {
         state.fill(0.0);

@@ -41,7 +41,8 @@ impl Lqr {
     }
 }
 
-/// Coordinates and rates of an observation, the angle followed along the rod; padded with zeros.
+/// Coordinates, then rates, of an observation, the angle followed along the rod: two for each coordinate of the chain,
+/// then zeros.
 pub(super) fn state_of(chain: &Chain, observation: &[f32]) -> [f64; 2 * ORDER] {
     let n = chain.edges();
     let edge = |i: usize| (observation[i] as f64, observation[n + i] as f64);
@@ -88,11 +89,11 @@ impl Controller for Lqr {
     fn state_size(&self) -> usize {
         1
     }
-    fn numbers(&self) -> Option<Vec<u8>> {
-        saved::written(self)
-    }
     fn parameters(&self) -> Vec<(&'static str, f64)> {
         self.regulator.parameters()
+    }
+    fn numbers(&self) -> Option<Vec<u8>> {
+        saved::written(self)
     }
     fn start(&self, _observation: &[f32], state: &mut [f64]) {
         state[0] = self.regulator.start();

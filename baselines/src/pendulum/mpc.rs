@@ -63,12 +63,14 @@ impl Mpc {
         }
         let arrival = Arrival::from_config(&target.config, rod.control_dt)?;
         let noise = Noise::default().with_sensors(&target.config);
-        let pace = Pace::of(std::slice::from_ref(&rod), &arrival);
         Ok(Mpc {
             regulator: Regulator::new(Chain::new(&rod, ORDER), gentle_weights(&rod))?,
             foresight: foresight(&rod)?,
             steps: ((AHEAD / rod.control_dt) as usize).clamp(STEPS.0, STEPS.1),
-            filter: Filter::new(&[rod], noise, pace, Learning::default()),
+            filter: {
+                let pace = Pace::of(&[rod.clone()], &arrival);
+                Filter::new(&[rod], noise, pace, Learning::default())
+            },
             arrival,
             sees_all,
         })

@@ -139,8 +139,9 @@ class Plant(Settable, Fixed):
 
         The state is the vector of `.simulation.get_vector()`; with an `actuator_delay` the torques
         on their way to the motor [N m] follow, or a fin's commands, newest first; last of a fin
-        stands the thrust smoothed over 0.5 s [N], which one task pays by. Autoreset and time limit have no
-        derivatives; noise is what the step would draw. docs/derivatives.md says what is smooth.
+        stands the thrust smoothed over 0.5 s [N], which one task pays by. Autoreset and time limit
+        have no derivatives; noise is what the step would draw. docs/derivatives.md says what is
+        smooth.
 
         Arguments:
             action: one action (a,); beyond the bounds it is clipped, and has no slope.

@@ -253,9 +253,9 @@ class Mpc(Controller):
     """Predictive control: at every step it betters a plan of the next 1.5 s and takes its first
     action, within the motor's limits.
 
-    Plans are made on the model of `Lqg`, by iterated regulators on what the swing-up pays, and begin
-    with the last plan or with what `Lqr` would do. Sees every edge (observation="full"), or base
-    angle and rate only (observation="base"): then the filter of `Lqg` says where the rod is.
+    Plans are made on the model of `Lqg`, by iterated regulators on what the swing-up pays, and
+    begin with the last plan or with what `Lqr` would do. Sees every edge (observation="full"), or
+    base angle and rate only (observation="base"): then the filter of `Lqg` says where the rod is.
     """
 
     name = "mpc"

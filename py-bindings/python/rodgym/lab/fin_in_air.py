@@ -96,7 +96,11 @@ class FinFit:
             "known": dict(self.known),
             "not_identifiable": list(self.not_identifiable),
             "advice": dict(self.not_identifiable),
-            "equivalent": {"parameters": {k: i.value for k, i in self.identified.items()}},
+            # (A fin has the nodes of its geometry, in recording and environment.)
+            "equivalent": {
+                "nodes": None,
+                "parameters": {name: i.value for name, i in self.identified.items()},
+            },
             "covariance_of_logarithms": {
                 "names": list(self.parameters),
                 "matrix": self.covariance.tolist(),

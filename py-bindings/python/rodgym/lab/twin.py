@@ -45,10 +45,11 @@ def keywords(rod: Rod, spread: bool = True) -> dict[str, Any]:
             dict(content["known"]),
             content["parameters"],
         )
-        same = dict(content["equivalent"]["parameters"])
-        # (A fin has the nodes of its geometry.)
-        fin = content.get("machine") == "fin"
-        nodes = {} if fin else {"nodes": int(content["equivalent"]["nodes"])}
+        equivalent = content["equivalent"]
+        same = dict(equivalent["parameters"])
+        # (None: of a machine whose nodes are its geometry's.)
+        count = equivalent["nodes"]
+        nodes = {} if count is None else {"nodes": int(count)}
         drawn = _ellipsoid(content, same, best)
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
         raise RecordingError(f"{name} is no rod.yml of a fit") from error

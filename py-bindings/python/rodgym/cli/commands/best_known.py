@@ -1,4 +1,4 @@
-"""Plays the best known actions of our own tasks again, and says whether they return what is kept."""
+"""Plays the best known actions of our own tasks again: do they return what is kept?"""
 
 from __future__ import annotations
 
