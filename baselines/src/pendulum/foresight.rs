@@ -18,7 +18,7 @@ use std::f64::consts::PI;
 const RATE: f64 = 0.05 / 400.0;
 const EFFORT: f64 = 0.02;
 /// Longest step of the Runge-Kutta method, in units of 1/(highest frequency), and in any case \[s\]: a soft rod is flung
-/// faster than it vibrates, and with twice the step its plans are not what it does.
+/// faster than it vibrates.
 const RUNGE_KUTTA_STEP: f64 = 1.5;
 const LONGEST_STEP: f64 = 2.5e-3;
 /// Parts of a change of plan that are tried side by side.

@@ -5,6 +5,7 @@ use super::filter::{Filter, Learning, Pace};
 use super::foresight::{Foresight, Plan, foresight};
 use super::lqg::{measured, needs_base};
 use super::lqr::{needs_every_edge, state_of};
+use super::regulator::{lever, pace};
 use super::rods::{ORDER, STATE, State};
 use super::{Arrival, Chain, Noise, Regulator, RodDesign, gentle_weights};
 use crate::controller::Controller;
@@ -19,6 +20,8 @@ const STEPS: (usize, usize) = (20, 200);
 /// Iterations of the first plan of an episode, and of every other.
 const FIRST: usize = 12;
 const ITERATIONS: usize = 1;
+/// Most torque of a plan, in units of m g L / 2: of harder pushes a soft rod bends as the reduced chain does not.
+const MOST: f64 = 2.0;
 
 /// Swing-up and balance by plans on the reduced chain (receding horizon), the motor's limits kept.
 ///
@@ -31,6 +34,8 @@ pub struct Mpc {
     foresight: Box<dyn Foresight>,
     filter: Filter<f64>,
     arrival: Arrival,
+    /// Most torque of a plan, as a part of the motor's.
+    share: f64,
     steps: usize,
     sees_all: bool,
 }
@@ -63,9 +68,14 @@ impl Mpc {
         }
         let arrival = Arrival::from_config(&target.config, rod.control_dt)?;
         let noise = Noise::default().with_sensors(&target.config);
+        let share = (MOST * lever(&rod) * pace(&rod) / rod.torque_limit).min(1.0);
         Ok(Mpc {
             regulator: Regulator::new(Chain::new(&rod, ORDER), gentle_weights(&rod))?,
-            foresight: foresight(&rod)?,
+            foresight: foresight(&RodDesign {
+                torque_limit: share * rod.torque_limit,
+                ..rod.clone()
+            })?,
+            share,
             steps: ((AHEAD / rod.control_dt) as usize).clamp(STEPS.0, STEPS.1),
             filter: {
                 let pace = Pace::of(&[rod.clone()], &arrival);
@@ -134,7 +144,7 @@ impl Mpc {
         let mut state = [0.0; STATE];
         state[..k].copy_from_slice(&x[..k]);
         state[k..2 * k].copy_from_slice(&x[ORDER..ORDER + k]);
-        self.regulator.torque(&state[..2 * k], clock) / self.limit()
+        self.regulator.torque(&state[..2 * k], clock) / (self.share * self.limit())
     }
 
     /// The last plan, a step later; the rod may have been counted a whole turn on.
@@ -201,7 +211,7 @@ impl Controller for Mpc {
             row[1 + STATE..].copy_from_slice(&policy.feedback[t * STATE..(t + 1) * STATE]);
         }
         *row.taken += 1.0;
-        action[0] = plan.actions[0] as f32;
+        action[0] = (self.share * plan.actions[0]) as f32;
         self.arrival.push(f64::from(action[0]), row.actions);
     }
 }

@@ -49,12 +49,12 @@ pub fn gentle_weights(rod: &RodDesign) -> Weights {
 }
 
 /// Mass of the rod times the distance of its middle from the hinge \[kg m\].
-fn lever(rod: &RodDesign) -> f64 {
+pub(super) fn lever(rod: &RodDesign) -> f64 {
     0.5 * rod.node_mass() * rod.edges() as f64 * rod.length
 }
 
 /// Gravity that the law is scaled with \[m/s^2\].
-fn pace(rod: &RodDesign) -> f64 {
+pub(super) fn pace(rod: &RodDesign) -> f64 {
     rod.gravity.max(PACE)
 }
 
