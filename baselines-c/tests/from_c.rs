@@ -9,29 +9,12 @@ use std::fs;
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::sync::OnceLock;
 
 const HERE: &str = env!("CARGO_MANIFEST_DIR");
 
-/// Where cargo puts what it builds for this test.
+/// Where cargo puts what it builds for this test, the library for C among it.
 fn built() -> PathBuf {
-    let me = std::env::current_exe().unwrap();
-    me.parent().and_then(Path::parent).unwrap().to_owned()
-}
-
-/// The library that C links. (`cargo test` builds it for itself, under a name of its own.)
-fn library() -> &'static Path {
-    static LIBRARY: OnceLock<PathBuf> = OnceLock::new();
-    LIBRARY.get_or_init(|| {
-        let mut cargo = Command::new(env!("CARGO"));
-        cargo.args(["build", "--quiet", "--package", "rodgym-controllers", "--lib"]);
-        cargo.args(["--target-dir".as_ref(), built().parent().unwrap()]);
-        if !cfg!(debug_assertions) {
-            cargo.arg("--release");
-        }
-        assert!(cargo.current_dir(HERE).status().unwrap().success(), "the library is built");
-        built().join("librodgym_controllers.a")
-    })
+    std::env::current_exe().unwrap().parent().unwrap().to_owned()
 }
 
 /// Compiles a program, with every warning an error.
@@ -41,7 +24,8 @@ fn compiled(name: &str, source: &Path) -> PathBuf {
     let program = folder.join(name);
     let mut cc = Command::new(std::env::var("CC").unwrap_or_else(|_| "cc".into()));
     cc.args(["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O1"]);
-    cc.arg(format!("-I{HERE}/include")).arg(source).arg(library());
+    cc.arg(format!("-I{HERE}/include")).arg(source);
+    cc.arg(built().join("librodgym_controllers.a"));
     cc.args(["-lpthread", "-ldl", "-lm", "-o"]).arg(&program);
     let made = cc.output().expect("a C compiler, `cc`, is there");
     assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
