@@ -122,7 +122,9 @@ def search(width: float, seed: int, limit: float, good: list[Actions]) -> list[d
     return list(best.values())
 
 
-def collect(widths: tuple[float, ...], limit: float, most: int) -> dict[float, list[dict[str, Any]]]:
+def collect(
+    widths: tuple[float, ...], limit: float, most: int
+) -> dict[float, list[dict[str, Any]]]:
     """All episodes, searched for or read from the runs."""
     RUNS.mkdir(parents=True, exist_ok=True)
     everything = {}
@@ -156,7 +158,9 @@ def keep(everything: dict[float, list[dict[str, Any]]]) -> list[dict[str, Any]]:
         for one in episodes:
             key = f"{1e3 * width:g}mm-{one['seed']}-{one['side']}"
             tables[key] = np.array(one["table"], np.int16)
-            listed.append({name: one[name] for name in ("seed", "side", "return")} | {"actions": key})
+            listed.append(
+                {name: one[name] for name in ("seed", "side", "return")} | {"actions": key}
+            )
         for env_id in SAME:
             rows.append(
                 {
@@ -181,7 +185,9 @@ def verify(everything: dict[float, list[dict[str, Any]]]) -> None:
                 actions_of(np.array(one["table"])),
             )  # fmt: skip
             if replay(kept) != one["return"]:
-                sys.exit(f"{width} m, seed {one['seed']}: {replay(kept)!r} is not {one['return']!r}")
+                sys.exit(
+                    f"{width} m, seed {one['seed']}: {replay(kept)!r} is not {one['return']!r}"
+                )
 
 
 def page(everything: dict[float, list[dict[str, Any]]]) -> tuple[list[str], list[str]]:
