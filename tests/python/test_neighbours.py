@@ -37,7 +37,7 @@ def test_torchrl_rolls_out_single_environments_and_native_batches():
     env = envs.GymEnv("rodgym:" + SWING_UP)
     path = env.rollout(20)
     assert path["observation"].shape == (20, 18) and path["next", "reward"].shape == (20, 1)
-    batch = envs.GymWrapper(gym.make_vec(SWING_UP, num_envs=4, autoreset_mode="NextStep"))
+    batch = envs.GymWrapper(gym.make_vec(SWING_UP, num_envs=4, autoreset_mode="Disabled"))
     assert batch.rollout(10, break_when_any_done=False)["observation"].shape[:2] == (4, 10)
 
 
@@ -59,7 +59,8 @@ def test_minari_collects_episodes_with_their_infos(tmp_path, monkeypatch):
 def test_tianshou_collects_from_its_vector_of_environments():
     data, env = need("tianshou.data"), need("tianshou.env")
     vector = env.DummyVectorEnv([lambda: gym.make("rodgym:" + SWING_UP, max_episode_steps=10)] * 2)
-    observations, _ = vector.reset(seed=[0, 1])
+    vector.seed([0, 1])
+    observations, _ = vector.reset()
     assert np.shape(observations) == (2, 18)
     buffer = data.VectorReplayBuffer(40, 2)
     for _ in range(12):
