@@ -30,7 +30,8 @@ unsafe impl GlobalAlloc for Counted {
 #[global_allocator]
 static ALLOCATOR: Counted = Counted;
 
-// What the header declares.
+// What the header declares: C sees a controller as a pointer alone, and never what is in it.
+#[allow(improper_ctypes, reason = "a handle is only passed on")]
 unsafe extern "C" {
     fn rodgym_design(
         name: *const c_char,

@@ -26,6 +26,9 @@ pub struct Search {
     inner: Lock<ilqr::Search>,
 }
 
+/// Target, weights of the state and of the action, weights of the last state.
+type Weights<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, f64, Bound<'py, PyAny>);
+
 fn numbers(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
     Ok(arrays::read::<f64, Ix1>(name, given)?.as_array().to_vec())
 }
@@ -45,7 +48,7 @@ impl Search {
         first: usize,
         more: usize,
         levels: u32,
-        quadratic: Option<(Bound<'_, PyAny>, Bound<'_, PyAny>, f64, Bound<'_, PyAny>)>,
+        quadratic: Option<Weights<'_>>,
     ) -> PyResult<Self> {
         let actions = numbers("actions", actions)?;
         let cost = match quadratic {

@@ -184,7 +184,7 @@ impl GaitAdaptive {
                     self.start(observation, &mut states[i]);
                 }
                 self.act(observation, &mut states[i], action);
-                if step >= SETTLED && (step - SETTLED) % APART == 0 {
+                if step >= SETTLED && (step - SETTLED).is_multiple_of(APART) {
                     let mean = self.belief(&states[i]).mean;
                     found.push((mean, truth[i] - mean));
                 }

@@ -171,7 +171,7 @@ mod tests {
         let loss = |x: [f64; 2], u: f64| 0.5 * (x[0] * x[0] + 0.1 * x[1] * x[1] + 0.5 * u * u);
         for (narrow, alpha) in [(false, 1.0), (false, 0.4), (true, 1.0)] {
             // Small motions stay far from the bounds, large ones reach them.
-            let scale = if narrow { 20.0 } else { 0.05 };
+            let scale: f64 = if narrow { 20.0 } else { 0.05 };
             let at = |x: [f64; 2], u: f64| Model {
                 q: vec![x[0], 0.1 * x[1]],
                 r: 0.5 * u,

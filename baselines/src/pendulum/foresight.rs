@@ -124,7 +124,7 @@ impl<R: Real> Ahead<R> {
     }
 
     /// Distance from the nearest way up.
-    fn from_up(&self, x: &State<f64>) -> State<f64> {
+    fn off_up(&self, x: &State<f64>) -> State<f64> {
         let base: f64 = (0..ORDER).map(|j| self.one.rods().base()[j] * x[j]).sum();
         let turns = libm::round((base - PI) / (2.0 * PI));
         std::array::from_fn(|i| x[i] - (1.0 + 2.0 * turns) * self.up[i])
@@ -157,7 +157,7 @@ impl<R: Real> Ahead<R> {
                 qq[ORDER + j][ORDER + j] = rate;
             }
             if t + 1 == steps && steps > 1 {
-                let z = self.from_up(x);
+                let z = self.off_up(x);
                 for i in 0..STATE {
                     for j in 0..STATE {
                         q[i] += self.last[i][j] * z[j];
@@ -216,7 +216,7 @@ impl<R: Real> Foresight for Ahead<R> {
             plan.actions.push(action);
             plan.states.push(x);
         }
-        let z = self.from_up(&x);
+        let z = self.off_up(&x);
         for i in 0..STATE {
             plan.loss += 0.5 * z[i] * (0..STATE).map(|j| self.last[i][j] * z[j]).sum::<f64>();
         }

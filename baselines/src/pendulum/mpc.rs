@@ -78,7 +78,7 @@ impl Mpc {
             share,
             steps: ((AHEAD / rod.control_dt) as usize).clamp(STEPS.0, STEPS.1),
             filter: {
-                let pace = Pace::of(&[rod.clone()], &arrival);
+                let pace = Pace::of(std::slice::from_ref(&rod), &arrival);
                 Filter::new(&[rod], noise, pace, Learning::default())
             },
             arrival,
