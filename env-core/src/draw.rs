@@ -25,18 +25,19 @@ pub enum Draw {
 }
 
 impl Draw {
-    /// Draws the values of all parameters: in their order, then those that are normal together.
+    /// Draws the values of all N parameters: in their order, then those that are normal together. (An array: an episode
+    /// begins within a step, which takes no memory.)
     ///
     /// # Panics
-    /// When `check` would refuse the draws.
-    pub fn all(draws: &[Draw], stream: &mut Stream) -> Vec<f64> {
-        let one = |draw: &Draw| match *draw {
+    /// When `check` would refuse the draws, or there are fewer than N.
+    pub fn all<const N: usize>(draws: &[Draw], stream: &mut Stream) -> [f64; N] {
+        let mut one = |draw: &Draw| match *draw {
             Draw::Fixed(value) => value,
             Draw::Uniform(low, high) => stream.uniform(low, high),
             Draw::LogUniform(low, high) => stream.log_uniform(low, high),
             Draw::LogNormal(normal) => normal.median,
         };
-        let mut values: Vec<f64> = draws.iter().map(one).collect();
+        let mut values = std::array::from_fn(|i| one(&draws[i]));
         together::draw(draws, stream, &mut values);
         values
     }

@@ -287,7 +287,8 @@ def test_ctrl_c_keeps_what_was_learnt() -> None:
 def test_a_report_shows_what_a_policy_learns_of_its_rod() -> None:
     keywords = ["--env-arg", "randomize={'youngs_modulus': (7e6, 1.3e7)}"]
     command = ["compare", "--env", "rodgym/PendulumSwingUpBase-v0", "--seeds", "0:2", *keywords]
-    assert main([*command, "--controller", "lqg-adaptive,lqg", "--name", "learns"]) == 0
+    policies = ["--policy", "lqg-adaptive", "--controller", "lqg"]
+    assert main([*command, *policies, "--name", "learns"]) == 0
     assert Path("runs/learns/estimates.png").stat().st_size > 5000
     page = Path("runs/learns/report.html").read_text(encoding="utf-8")
     assert "What was learnt of the rod" in page

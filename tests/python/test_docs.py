@@ -25,7 +25,8 @@ DOCS = sorted(ROOT.rglob("*.md"))
     [page for page in DOCS if ">>> " in page.read_text()],
     ids=lambda page: str(page.relative_to(ROOT)),
 )
-def test_pages(page):
+def test_pages(page, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     if "stable_baselines3" in page.read_text():
         pytest.importorskip("stable_baselines3")
     with warnings.catch_warnings():

@@ -177,6 +177,7 @@ def fresh() -> dict[str, Callable[[Any], Any]]:
         "Search state": lambda x: squares(np.zeros(24), x, np.zeros(24)),
         "Search last": lambda x: squares(np.zeros(24), np.ones(24), x),
         "Controller spec": lambda x: _native.Controller("lqr", {**batch.spec, "action": x}),
+        "Controller.load data": _native.Controller.load,
         "Controller.predict observation": lambda x: lqr.predict(x, known, flags),
         "Controller.predict state": lambda x: lqr.predict(seen, x, flags),
         "Controller.predict episode_start": lambda x: lqr.predict(seen, known, x),

@@ -192,6 +192,12 @@ def test_derivatives_are_refused():
     envs.reset(seed=0)
     with pytest.raises(ParameterError, match="derivatives"):
         envs.step_jacobian(np.zeros((2, 1)))
+    with pytest.raises(ParameterError, match="derivatives"):
+        envs.rollout_gradient(np.zeros((2, 3, 1)))
+    env = gym.make(SWING_UP, reward=tip_reward)
+    env.reset(seed=0)
+    with pytest.raises(ParameterError, match="derivatives"):
+        rodgym.optimize(env, starts=1, time_limit=1.0)
 
 
 def test_the_other_environments_take_functions_too():

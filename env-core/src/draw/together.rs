@@ -214,7 +214,7 @@ mod tests {
         let (medians, deviations) = ([9e6, 5e-4, 0.007], [0.02, 0.05, 0.01]);
         let (n, mut sums, mut products) = (40_000, [0.0; 3], [[0.0; 3]; 3]);
         for _ in 0..n {
-            let values = Draw::all(&draws, &mut stream);
+            let values = Draw::all::<{ PARAMETERS.len() }>(&draws, &mut stream);
             assert!((1400.0..1600.0).contains(&values[place("density")]));
             let z: [f64; 3] = std::array::from_fn(|i| {
                 libm::log(values[place(names[i])] / medians[i]) / deviations[i]
@@ -243,7 +243,9 @@ mod tests {
         let plain = draws(json!({"density": [1400.0, 1600.0]})).unwrap();
         let both = json!({"density": [1400.0, 1600.0], "width": ["log_normal", 0.007, 0.01]});
         let both = draws(both).unwrap();
-        let first = |draws: &[Draw]| Draw::all(draws, &mut Stream::new(5))[place("density")];
+        let first = |draws: &[Draw]| {
+            Draw::all::<{ PARAMETERS.len() }>(draws, &mut Stream::new(5))[place("density")]
+        };
         assert_eq!(first(&plain), first(&both));
     }
 

@@ -110,7 +110,7 @@ impl<R: Real> Plant<R> {
     ) {
         // Nothing has been measured yet.
         self.visit_mut(&mut |x| x.set(lane, 0.0));
-        let drawn = Draw::all(draws, stream);
+        let drawn: [f64; Parameters::COUNT] = Draw::all(draws, stream);
         let exact = |i: usize| start.parameters.get(i).copied().flatten();
         let parameters = values(|i| exact(i).unwrap_or(drawn[i]));
         let mut pitch = stream.uniform(config.start_pitch.0, config.start_pitch.1);

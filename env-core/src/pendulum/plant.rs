@@ -95,7 +95,7 @@ impl<R: Real> Plant<R> {
         start: &Start,
     ) {
         let mut values = [0.0; COUNT];
-        for (i, drawn) in Draw::all(draws, stream).into_iter().enumerate() {
+        for (i, drawn) in Draw::all::<COUNT>(draws, stream).into_iter().enumerate() {
             values[i] = start.parameters.get(i).copied().flatten().unwrap_or(drawn);
         }
         let angle = stream.uniform(config.start_angle.0, config.start_angle.1);

@@ -288,11 +288,12 @@ class OwnBatch:
         row = self._view(positions[None], velocities[None], native[None], None, None, numbers)
         return self._shown(row)[0]
 
-    def step_jacobian(self, index: int, action: Any, parameters: list[str]) -> Any:
+    def step_jacobian(self, *_: Any) -> Any:
         """Refused: derivatives know the environment's own reward and observation only."""
         raise ParameterError("derivatives are not there with reward or observation functions")
 
-    rollout_gradient = step_jacobian
+    # (So does a search for actions, which asks for a `twin` of the environment.)
+    step_jacobians = rollout_gradient = rollout_gradients = twin = step_jacobian
 
     def _note(self, result: list[Any]) -> None:
         """Keeps the parameters of episodes that began."""

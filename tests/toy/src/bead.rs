@@ -136,7 +136,7 @@ impl Machine for Bead {
         stream: &mut Stream,
         start: &Self::Start,
     ) {
-        let drawn = Draw::all(draws, stream)[0];
+        let [drawn] = Draw::all(draws, stream);
         plant.stiffness.set(lane, start.first().copied().flatten().unwrap_or(drawn));
         plant.x.set(lane, stream.uniform(-1.0, 1.0));
         plant.v.set(lane, 0.0);

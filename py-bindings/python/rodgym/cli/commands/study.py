@@ -14,7 +14,6 @@ SUMMARY = "run a sweep of policies, parameters or start states"
 EXAMPLES = """
 rodgym study attraction
 rodgym study my_sweep.yml --workers 2 --name sweep
-rodgym study my_sweep.yml --rod fit/rod.yml
 rodgym study my_sweep.yml --ray local
 rodgym study my_sweep.yml --ray ray://head:10001
 """
