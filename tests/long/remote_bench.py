@@ -290,7 +290,9 @@ def main() -> int:
             "Client and server on one machine, over TCP. The echo is a ZeroMQ ROUTER that answers "
             "with the frames of a step's reply and does nothing else. Medians of rounds in which "
             f"the cases take turns of {TURN} calls; ratios are of one round each, with quartiles "
-            "in brackets. A load average near the number of cores means that others were at work.",
+            "in brackets. A load average near the number of cores means that others were at work. "
+            "The local batch steps on one thread; the server has its defaults, so that a long step "
+            "uses the cores that are idle.",
             "## Targets",
             targets_table(targets),
             "## A step over the wire",
