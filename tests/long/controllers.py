@@ -162,8 +162,7 @@ CLAIMS = (
         for angle in (0.5, 1.5)
         for width in (0.007, 0.009)
     ),
-    # Thinner rods bend in their swing as the chain of the plans does not.
-    *(predictive(w, 100 if w > 0.005 else 75, "from hanging") for w in WIDTHS),
+    *(predictive(width, 100, "from hanging") for width in WIDTHS),
     *(predictive(width, 99, "from any angle", start_angle=ANY_ANGLE) for width in WIDTHS),
     *(
         predictive(0.007, 100, f"{limit:g} N m", torque_limit=limit)
