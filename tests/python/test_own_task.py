@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import rodgym
 import rodgym.own_task
-from conftest import SWING_UP
+from conftest import SWING_UP, assert_same
 from gymnasium.utils.env_checker import check_env
 from rodgym.errors import ParameterError, ShapeError
 from rodgym.own_task import State
@@ -45,31 +45,17 @@ def make(mode: str, **kwargs):
     return envs, envs.reset(seed=3)
 
 
-def equal(one, other) -> None:
-    """Arrays, dictionaries and arrays of them, to the bit."""
-    assert type(one) is type(other)
-    if isinstance(one, dict):
-        assert one.keys() == other.keys()
-        for key in one:
-            equal(one[key], other[key])
-    elif isinstance(one, tuple) or (isinstance(one, np.ndarray) and one.dtype == object):
-        for a, b in zip(one, other, strict=True):
-            equal(a, b)
-    else:
-        np.testing.assert_array_equal(one, other)
-
-
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
 def test_functions_that_return_the_environments_own_numbers_change_no_bit(mode):
     plain, first = make(mode, randomize={"width": (0.006, 0.009)})
     own, also_first = make(mode, randomize={"width": (0.006, 0.009)}, **OWN)
-    equal(first, also_first)
+    assert_same(first, also_first)
     rng = np.random.default_rng(0)
     for _ in range(20):
         actions = rng.uniform(-1.2, 1.2, (5, 1))
         for a, b in zip(plain.step(actions), own.step(actions), strict=True):
-            equal(a, b)
-    equal(np.array([plain.call("width")]), np.array([own.call("width")]))
+            assert_same(a, b)
+    assert_same(np.array([plain.call("width")]), np.array([own.call("width")]))
 
 
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
@@ -117,9 +103,9 @@ def test_a_single_environment_takes_the_same_functions():
     env = gym.make(SWING_UP, reward=tip_reward, observation=tip)
     check_env(env.unwrapped, skip_render_check=True)
     batch = gym.make_vec(SWING_UP, num_envs=2, reward=tip_reward, observation=tip)
-    equal(env.reset(seed=7)[0], batch.reset(seed=7)[0][0])
+    assert_same(env.reset(seed=7)[0], batch.reset(seed=7)[0][0])
     alone, together = env.step([0.3]), batch.step(np.full((2, 1), 0.3))
-    equal(alone[0], together[0][0])
+    assert_same(alone[0], together[0][0])
     assert alone[1] == together[1][0]
     assert alone[4]["reward_terms"] == {"reward": alone[1]}
 
