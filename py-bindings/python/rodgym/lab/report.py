@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -30,7 +31,7 @@ def write_report(run: Run, fit: Fit, film: str) -> Path:
         "fit.html",
         title="A rod from its film",
         subject=film,
-        verdict=verdict(fit),
+        verdict=verdict({**fit.identified, **fit.together}, fit.not_identifiable),
         rows=rows,
         camera=[(name, *shown(i)) for name, i in fit.camera.items()],
         names=list(fit.parameters),
@@ -47,13 +48,12 @@ def write_report(run: Run, fit: Fit, film: str) -> Path:
     )
 
 
-def verdict(fit: Fit) -> str:
+def verdict(found: Mapping[str, Interval], unknown: Iterable[str]) -> str:
     """What was found, in one sentence."""
     parts = [
-        f"{name} = {i.value:.4g} (95 %: {i.low:.4g} to {i.high:.4g})"
-        for name, i in {**fit.identified, **fit.together}.items()
+        f"{name} = {i.value:.4g} (95 %: {i.low:.4g} to {i.high:.4g})" for name, i in found.items()
     ]
-    vague = [f"{name} is not identifiable from this film" for name in fit.not_identifiable]
+    vague = [f"{name} is not identifiable from this film" for name in unknown]
     return "; ".join([*parts, *vague]) + "."
 
 
@@ -124,7 +124,7 @@ def residuals(path: Path, fit: Fit, model: np.ndarray) -> None:
             right.plot(
                 np.arange(1, len(rms) + 1), rms[:, axis], "o-", color=colour, label="xy"[axis]
             )
-        right.set_ylim(bottom=0.0)
+        right.set_ylim(0.0, 1.25 * right.get_ylim()[1])
         right.set_xlabel("marker, from the base")
         right.set_ylabel("deviation [mm]")
         right.set_title("By marker")
