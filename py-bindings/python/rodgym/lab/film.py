@@ -7,7 +7,7 @@ does not grow over the whole film (multiple shooting); one piece is the whole fi
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -150,6 +150,11 @@ class Film:
         """The residuals alone."""
         seen = np.isfinite(self.tracks.points)
         return (self._filmed(self._swings(x, differences=False)[0], x) - self.tracks.points)[seen]
+
+    def outlines(self, x: Array, points: int = 61) -> Array:
+        """The rod in every frame as the camera has it, from base to tip, (frames, points, 2)."""
+        along = replace(self, places=np.linspace(0.0, self.rod.length, points))
+        return self._filmed(along._swings(x, differences=False)[0], x)
 
     def predict(self, x: Array) -> tuple[Array, Array]:
         """Where markers are seen (frames, markers, 2), and the derivatives (..., unknowns)."""

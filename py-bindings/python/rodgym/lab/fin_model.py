@@ -8,7 +8,7 @@ the fin is clamped, the clock of the film against that of the bench, gain and bi
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -294,6 +294,21 @@ class FinModel:
         needed = np.unique(np.concatenate([low, low + 1]))
         return pitched(keywords, times, pitch + x[self.clamp], tuple(one.loads), needed)
 
+    def outlines(self, x: Array, index: int = 0, points: int = 61) -> Array:
+        """The fin as the camera has it in every frame of a recording, evenly from nose to tail,
+        (frames, points, 2).
+        """
+        one, clock = self.recordings[index], float(x[self.clocks + index])
+        along = replace(self, places=np.linspace(0.0, 1.0, points))
+        places, _ = along._filmed(one, self.motion(one, x, clock), clock)
+        return places @ self._turn(x).T + x[self.camera + 2 : self.clamp]
+
+    def _turn(self, x: Array) -> Array:
+        """Scale and tilt of the camera, as a matrix."""
+        scale, tilt = np.exp(x[self.camera]), x[self.camera + 1]
+        c, s = np.cos(tilt), np.sin(tilt)
+        return np.asarray(scale * np.array([[c, -s], [s, c]]))
+
     def _drive(self, one: Recording) -> tuple[Array, Array]:
         """Even times over a recording, and the pitch there."""
         dt = float(self.known.get("physics_dt", PHYSICS_DT))
@@ -311,9 +326,7 @@ class FinModel:
         except RodgymError:  # Beyond a parameter's range, or a step that fails.
             return np.full(count, np.nan), slopes
         places, rates = self._filmed(one, motion, x[self.clocks + index])
-        scale, tilt = np.exp(x[self.camera]), x[self.camera + 1]
-        c, s = np.cos(tilt), np.sin(tilt)
-        turn = scale * np.array([[c, -s], [s, c]])
+        turn = self._turn(x)
         image = places @ turn.T
         size = image.size
         slopes[:size, self.camera] = image.ravel()

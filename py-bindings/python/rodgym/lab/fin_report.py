@@ -22,8 +22,13 @@ SHAPES, SHOWN = 7, 2.5
 WORDS = {"thrust": ("thrust", "mN", 1e3), "torque": ("torque", "mN m", 1e3)}
 
 
-def write_report(run: Run, fit: FinFit, film: str) -> Path:
-    """Writes ``report.html`` with its pictures into the run's folder."""
+def write_report(run: Run, fit: FinFit, film: str, on_film: Path | None = None) -> Path:
+    """Writes ``report.html`` with its pictures into the run's folder.
+
+    Parameters
+    ----------
+    on_film: a picture of the model on frames of the film
+    """
     models = fit.predictions()
     overlay(run.file("overlay.png"), fit, models)
     signals(run.file("signals.png"), fit, models)
@@ -38,6 +43,7 @@ def write_report(run: Run, fit: FinFit, film: str) -> Path:
         verdict=verdict(fit.identified, fit.not_identifiable),
         rows=rows,
         bench=[(name, *shown(i)) for name, i in {**fit.camera, **fit.cells}.items()],
+        on_film=on_film,
         names=list(fit.parameters),
         levels=[
             (

@@ -17,8 +17,13 @@ from rodgym.runs import Run
 SHAPES = 8
 
 
-def write_report(run: Run, fit: Fit, film: str) -> Path:
-    """Writes ``report.html`` with its pictures into the run's folder."""
+def write_report(run: Run, fit: Fit, film: str, on_film: Path | None = None) -> Path:
+    """Writes ``report.html`` with its pictures into the run's folder.
+
+    Parameters
+    ----------
+    on_film: a picture of the model on frames of the film
+    """
     model, _ = fit.film.predict(fit.estimate.x)
     overlay(run.file("overlay.png"), fit, model)
     signals(run.file("signals.png"), fit, model)
@@ -34,6 +39,7 @@ def write_report(run: Run, fit: Fit, film: str) -> Path:
         verdict=verdict({**fit.identified, **fit.together}, fit.not_identifiable),
         rows=rows,
         camera=[(name, *shown(i)) for name, i in fit.camera.items()],
+        on_film=on_film,
         names=list(fit.parameters),
         levels=[
             (

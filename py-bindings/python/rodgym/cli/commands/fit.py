@@ -19,6 +19,7 @@ rodgym fit film.csv --free youngs_modulus,bending_damping --known density=1180 -
 rodgym fit film.csv --unit mm --y down --start youngs_modulus=2e6
 rodgym fit film.csv --bench torque.csv --free youngs_modulus,density,bending_damping
 rodgym fit filmDLC_resnet50.csv --rate 120 --scale 4.1e-4 --markers base,m1,m2,m3,tip
+rodgym fit track/tracks.csv --on film.mp4 --known width=0.007 --known length=0.3
 rodgym fit fin.csv --machine fin --bench bench.csv --known flow_speed=0.05
 rodgym fit slow.csv fast.csv --machine fin --bench slow-bench.csv fast-bench.csv
 """
@@ -50,6 +51,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="what drove it, by the film's clock: CSV with 'time,torque [Nm]' of a pendulum's "
         "base; of a fin, one for each film, 'time,pitch [deg],thrust [N],torque [Nm]', where the "
         "last two may be left out",
+    )
+    parser.add_argument(
+        "--on",
+        type=Path,
+        metavar="FILM",
+        help="the film that 'rodgym track' has tracked: the report shows the model on its frames",
+    )
+    parser.add_argument(
+        "--view",
+        type=Path,
+        metavar="FILE",
+        help="its camera.yml (default: beside the tracks)",
     )
     parser.add_argument(
         "--free",
@@ -126,10 +139,11 @@ def numbers(text: str) -> list[float]:
 def run(args: argparse.Namespace) -> int:
     from rodgym.cli.needs import REPORT, need
 
-    need(*REPORT, "yaml", *(["scipy"] if args.bench else []))
+    need(*REPORT, "yaml", *(["scipy"] if args.bench else []), *(["cv2"] if args.on else []))
     from rodgym import lab
     from rodgym.runs import Run
 
+    view = seen(args)
     films = [lab.read_tracks(film, **reading(args)) for film in args.film]
     found = (pendulum if args.machine == "pendulum" else fin)(args, films)
     folder = Run(args.out.name, args.out.parent)
@@ -141,18 +155,42 @@ def run(args: argparse.Namespace) -> int:
     }
     folder.write_facts()
     subject = ", ".join(film.name for film in args.film)
+    sheet = None if view is None else on_film(folder.file("on-film.png"), args.on, view, found)
     if args.machine == "pendulum":
         from rodgym.lab.report import write_report
 
-        write_report(folder, found, subject)
+        write_report(folder, found, subject, sheet)
         tell(found, print)
     else:
         from rodgym.lab.fin_report import write_report as write_fin_report
 
-        write_fin_report(folder, found, subject)
+        write_fin_report(folder, found, subject, sheet)
         tell_fin(found, print)
     print(f"rod: {folder.file('rod.yml')}   report: {folder.file('report.html')}")
     return 0
+
+
+def seen(args: argparse.Namespace) -> Any:
+    """How the film shows the tracks; None where no film is to be shown."""
+    if args.on is None:
+        return None
+    from rodgym.lab.vision.view import View
+
+    moved = [name for name in ("unit", "scale", "y", "origin") if getattr(args, name) is not None]
+    if moved or args.axis:
+        raise UsageError(f"--on needs the tracks as they were written, without --{moved or 'axis'}")
+    return View.read(args.view or args.film[0].with_name("camera.yml"))
+
+
+def on_film(path: Path, film: Path, view: Any, found: Any) -> Path:
+    """Writes the model on frames of the film."""
+    from rodgym.lab.vision.on_film import chosen, write_sheet
+
+    model = getattr(found, "film", None) or found.model
+    tracks = model.tracks if hasattr(model, "tracks") else model.recordings[0].tracks
+    frames = chosen(tracks)
+    write_sheet(path, film, view, tracks, model.outlines(found.estimate.x)[frames], frames)
+    return path
 
 
 def pendulum(args: argparse.Namespace, films: list[Any]) -> Any:
