@@ -1,8 +1,9 @@
 """rodgym's environments for LeRobot's EnvHub.
 
-Put this file into a repository OWNER/rodgym of the Hugging Face Hub, where OWNER is your name there.
-Nothing in the file must be replaced. Users then call `make_env("OWNER/rodgym",
-trust_remote_code=True)`; they need `pip install rodgym`. RODGYM_TASK chooses one task instead of all.
+Put this file into a repository OWNER/rodgym of the Hugging Face Hub, where OWNER is your name
+there. Nothing in the file must be replaced. Users then call `make_env("OWNER/rodgym",
+trust_remote_code=True)`; they need `pip install rodgym`. RODGYM_TASK chooses one task instead of
+all.
 """
 
 from __future__ import annotations

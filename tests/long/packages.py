@@ -119,16 +119,22 @@ class Fresh:
             raise Failed(f"{shown}: exit code {ran.returncode}\n{ran.stdout}{ran.stderr}")
         return ran.stdout + ran.stderr
 
-    def added_seconds(self, program: str, more: str) -> float:
-        """What `more` adds to a program's wall time: the shortest of many, which take turns."""
-        shortest = {program: float("inf"), f"{program}; {more}": float("inf")}
+    def added_seconds(self, program: str, more: str) -> tuple[float, float]:
+        """What `more` adds to a program: wall and CPU time, the least of runs that take turns."""
+        runs: dict[str, list[tuple[float, float]]] = {program: [], f"{program}; {more}": []}
         for _ in range(15):
-            for code in shortest:
-                began = time.perf_counter()
+            for code, times in runs.items():
+                wall, cpu = time.perf_counter(), cpu_seconds()
                 self.run("python", "-c", code)
-                shortest[code] = min(shortest[code], time.perf_counter() - began)
-        alone, both = shortest.values()
-        return both - alone
+                times.append((time.perf_counter() - wall, cpu_seconds() - cpu))
+        alone, both = ([min(kind) for kind in zip(*times, strict=True)] for times in runs.values())
+        return both[0] - alone[0], both[1] - alone[1]
+
+
+def cpu_seconds() -> float:
+    """CPU time of all programs that were run: what a busy machine disturbs least."""
+    used = os.times()
+    return used.children_user + used.children_system
 
 
 def build(*words: str) -> Path:
@@ -145,11 +151,11 @@ def try_plain(fresh: Fresh, package: Path) -> None:
     for command in PLAIN:
         fresh.run(*command)
     for command, words in LACKING:
-        began = time.perf_counter()
+        began = cpu_seconds()
         said = fresh.run(*command, code=2)
-        took = time.perf_counter() - began
-        if words not in said or took > 10:
-            raise Failed(f"{' '.join(command)} says after {took:.1f} s: {said}")
+        took = cpu_seconds() - began
+        if words not in said or took > 3:
+            raise Failed(f"{' '.join(command)} says after {took:.1f} s of CPU time: {said}")
 
 
 class Log:
@@ -173,10 +179,11 @@ class Log:
 def wheel_alone(wheel: Path, fresh: Fresh) -> str:
     """The wheel without any extra, and how long its import takes."""
     try_plain(fresh, wheel)
-    added = fresh.added_seconds("import gymnasium", "import rodgym")
-    if added > SLOWEST:
-        raise Failed(f"importing rodgym adds {added:.3f} s to Gymnasium, more than {SLOWEST} s")
-    return f"works; importing rodgym adds {added:.3f} s to importing Gymnasium"
+    wall, cpu = fresh.added_seconds("import gymnasium", "import rodgym")
+    said = f"importing rodgym adds {wall:.3f} s to importing Gymnasium, {cpu:.3f} s of CPU time"
+    if min(wall, cpu) > SLOWEST:
+        raise Failed(f"{said}, more than {SLOWEST} s")
+    return f"works; {said}"
 
 
 def with_extra(wheel: Path, extra: str, fresh: Fresh) -> str:
@@ -209,7 +216,7 @@ importing Gymnasium.
 "Works" means that a controller plays in this environment, and that the commands of the extra do
 their work: `train` trains, `render` draws, `remote` steps rods on a server, `lab` fits a rod
 to a film that the simulation made (*synthetic*), `train,export` writes an ONNX file. A command
-that lacks an extra names it and ends within ten seconds.
+that lacks an extra names it and ends within three seconds of CPU time.
 """
 
 
@@ -219,6 +226,7 @@ def main() -> None:
     parser.add_argument("--extras", nargs="*", default=list(WITH_EXTRA), metavar="EXTRA")
     parser.add_argument("--no-sdist", action="store_true")
     parser.add_argument("--wheel", type=Path, help="try this one instead of building one")
+    parser.add_argument("--sdist", type=Path, help="the same of the source archive")
     args = parser.parse_args()
     wheel = args.wheel.resolve() if args.wheel else build("build", "--release")
     size = wheel.stat().st_size
@@ -232,7 +240,7 @@ def main() -> None:
             log.once(f"wheel with `{extra}`", lambda fresh, e=extra: with_extra(wheel, e, fresh))
         if args.no_sdist:
             return
-        archive = build("sdist")
+        archive = args.sdist.resolve() if args.sdist else build("sdist")
         built = Log(archive)
         built.once(
             "source archive", lambda fresh: try_plain(fresh, archive) or "builds, and works alone"
