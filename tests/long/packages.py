@@ -4,7 +4,7 @@ Builds both into dist/, installs each in fresh environments and tries it there: 
 with each extra alone, and what the source archive builds. Ends with an error where something fails,
 where the wheel is larger than 8 MB, or where importing rodgym adds more than 0.15 s to importing
 Gymnasium. What was tried with the same file is not tried again: stopped, it goes on where it was.
-When everything was tried, it writes docs/records/packages.md.
+It writes docs/records/packages.md, which also says what was not tried yet.
 
     python tests/long/packages.py                       # everything
     python tests/long/packages.py --extras render       # the wheel, and these extras
@@ -186,6 +186,12 @@ def wheel_alone(wheel: Path, fresh: Fresh) -> str:
     return f"works; {said}"
 
 
+def from_source(archive: Path, fresh: Fresh) -> str:
+    """What pip builds from the source archive."""
+    try_plain(fresh, archive)
+    return f"builds, and works alone; the archive has {archive.stat().st_size / 1e6:.2f} MB"
+
+
 def with_extra(wheel: Path, extra: str, fresh: Fresh) -> str:
     """The wheel with one extra."""
     fresh.install(f"rodgym[{extra}] @ {wheel.as_uri()}")
@@ -194,20 +200,20 @@ def with_extra(wheel: Path, extra: str, fresh: Fresh) -> str:
     return "works"
 
 
-def page(wheel: Path, tried: dict[str, str], archive: Path, built: dict[str, str]) -> str:
+def page(wheel: Path, tried: dict[str, str]) -> str:
     """The record."""
     date = datetime.datetime.now(datetime.timezone.utc)
     where = f"{platform.system()} {platform.machine()}, Python {platform.python_version()}"
-    rows = "\n".join(f"| {name} | {said} |" for name, said in {**tried, **built}.items())
+    names = ["wheel alone", *(f"wheel with `{extra}`" for extra in WITH_EXTRA), "source archive"]
+    rows = "\n".join(f"| {name} | {tried.get(name, 'not tried yet')} |" for name in names)
     return f"""# Packages in fresh environments
 
 Written by `make packages` on {date:%Y-%m-%d} ({where}).
 
 Each row is a new virtual environment. rodgym was installed there by pip from the file that the row
-names, and its commands were tried. The wheel is `{wheel.name}`, {wheel.stat().st_size / 1e6:.2f} MB
-with the network server inside (wanted: at most {LARGEST / 1e6:g} MB). The source archive is
-`{archive.name}`, {archive.stat().st_size / 1e6:.2f} MB. Importing rodgym may add {SLOWEST} s to
-importing Gymnasium.
+names, and its commands were tried. The wheel is `{wheel.name}`,
+{wheel.stat().st_size / 1e6:.2f} MB with the network server inside (wanted: at most
+{LARGEST / 1e6:g} MB). Importing rodgym may add {SLOWEST} s to importing Gymnasium.
 
 | tried | result |
 |---|---|
@@ -234,22 +240,20 @@ def main() -> None:
     if size > LARGEST:
         sys.exit(f"that is more than {LARGEST / 1e6:g} MB")
     log = Log(wheel)
+    tried = log.tried
     try:
         log.once("wheel alone", lambda fresh: wheel_alone(wheel, fresh))
         for extra in args.extras:
             log.once(f"wheel with `{extra}`", lambda fresh, e=extra: with_extra(wheel, e, fresh))
-        if args.no_sdist:
-            return
-        archive = args.sdist.resolve() if args.sdist else build("sdist")
-        built = Log(archive)
-        built.once(
-            "source archive", lambda fresh: try_plain(fresh, archive) or "builds, and works alone"
-        )
+        if not args.no_sdist:
+            archive = args.sdist.resolve() if args.sdist else build("sdist")
+            built = Log(archive)
+            built.once("source archive", lambda fresh: from_source(archive, fresh))
+            tried = {**tried, **built.tried}
     except Failed as error:
         sys.exit(str(error))
-    if args.extras == list(WITH_EXTRA):
-        PAGE.write_text(page(wheel, log.tried, archive, built.tried), encoding="utf-8")
-        print(f"wrote {PAGE}")
+    PAGE.write_text(page(wheel, tried), encoding="utf-8")
+    print(f"wrote {PAGE}")
 
 
 if __name__ == "__main__":
