@@ -193,3 +193,32 @@ def test_the_other_environments_take_functions_too():
         )
         envs.reset(seed=0)
         assert envs.step(np.zeros((2, 1)))[0].shape == (2, 4)
+
+
+def test_an_environment_with_an_id_of_ones_own_is_a_native_batch_for_stable_baselines3():
+    """It was an unknown environment, so that nobody could train on it."""
+    pytest.importorskip("stable_baselines3")
+    import rodgym.sb3
+
+    gym.register(
+        "OwnTask/Spin-v0",
+        entry_point="rodgym.envs:PendulumEnv",
+        max_episode_steps=20,
+        kwargs={
+            "env_id": "rodgym/PendulumSwingUp-v0",
+            "reward": lambda state: np.tanh(state.observation[:, 12]),
+            "width": 0.008,
+        },
+    )
+    try:
+        batch = rodgym.sb3.make_vec_env("OwnTask/Spin-v0", n_envs=2, seed=0)
+        single = gym.make("OwnTask/Spin-v0")
+        assert (batch.reset()[0] == single.reset(seed=0)[0]).all()
+        for _ in range(20):
+            _, rewards, dones, _ = batch.step(np.full((2, 1), 0.3, np.float32))
+            _, reward, _, truncated, _ = single.step([0.3])
+            assert rewards[0] == np.float32(reward)
+            assert dones[0] == truncated
+        assert truncated
+    finally:
+        del gym.registry["OwnTask/Spin-v0"]

@@ -28,8 +28,9 @@ except ImportError as error:  # pragma: no cover
 from rodgym import _checks as checks
 from rodgym import _native
 from rodgym._batch import Result, SeededBatch
+from rodgym._own import module_of
 from rodgym._plant import Member, box, plain
-from rodgym._registration import REMOTE
+from rodgym._registration import ENVIRONMENTS, REMOTE
 from rodgym._settings import Fixed, Many
 from rodgym.backend import LOCAL, Backend
 from rodgym.errors import EnvIndexError, ParameterError, ShapeError
@@ -113,7 +114,7 @@ def make_vec_env(
     if wrapper_kwargs:
         raise ParameterError(f"wrapper_kwargs = {wrapper_kwargs!r} needs a wrapper_class")
     kwargs |= checks.mapping("vec_env_kwargs", vec_env_kwargs)
-    name: str = imported(env_id)
+    name, kwargs = built_on(imported(env_id), kwargs)
     if name == REMOTE:
         # As in `gym.make`, where server and environment are keywords.
         server, name = kwargs.pop("server", server), kwargs.pop("env_id", name)
@@ -141,12 +142,27 @@ def imported(env_id: Any) -> Any:
     """An id without the module in front of it, which is imported now, as `gym.make` does it."""
     if not isinstance(env_id, str) or ":" not in env_id:
         return env_id
-    module, _, rest = env_id.partition(":")
+    module, _, rest = env_id.rpartition(":")
+    if module.endswith(".py"):
+        module_of(module)
+        return rest
     try:
         importlib.import_module(module)
     except (ImportError, ValueError) as error:
         raise ParameterError(f"env_id = {env_id!r}: module {module!r} is not found") from error
     return rest
+
+
+def built_on(env_id: Any, given: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
+    """The environment of ours that a registered one of the user's is built on, with its keywords.
+
+    Such a one names ours by the keyword `env_id`, as Gymnasium gives it to the entry point.
+    """
+    spec = gym.registry.get(env_id)
+    if env_id in ENVIRONMENTS or spec is None or spec.kwargs.get("env_id") not in ENVIRONMENTS:
+        return env_id, given
+    own = {**spec.kwargs, "max_episode_steps": spec.max_episode_steps or -1}
+    return own.pop("env_id"), {**own, **given}
 
 
 def info_keywords(monitor_kwargs: dict[str, Any]) -> tuple[str, ...]:
