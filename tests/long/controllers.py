@@ -236,22 +236,25 @@ def page(rows: Sequence[str], times: Sequence[tuple[str, float, float]], seeds: 
     return f"""# The classical controllers, measured
 
 Written by `make controllers` on {facts["date"]} ({facts["machine"]}; {versions}).
-{seeds} episodes of 5 s each, seeds 0 and up, torque limit 0.05 N m, control period 10 ms; output
-feedback (`lqg`) sees base angle and rate with noise of 1 mrad and 10 mrad/s. In parentheses is the
-mean return beside that of the controller to be beaten. What the controllers are is in
-[baselines.md](baselines.md).
+
+Each row is a claim: how often a controller should bring the rod up (*wanted*), and how often it
+did (*upright*). A row is {seeds} episodes of 5 s, with the seeds from 0 on. The motor gives at most
+0.05 N m, unless the row names another limit, and gets a new torque every 10 ms. `lqg` sees the
+angle and the rate of the base, with noise of 1 mrad and 10 mrad/s; the others see every edge. Where
+a claim says that one controller earns more than another, the brackets hold both mean returns.
+[Controllers](baselines.md) explains what they are.
 
 | controller, rod, start | wanted | upright | time | torque (rms) | sway |
 |---|---|---|---|---|---|
 {claims}
 
-*Upright*, *time*, *torque* and *sway* are those of `rodgym evaluate`, which plays the same
+*Upright*, *time*, *torque* and *sway* are what `rodgym evaluate` prints. It plays the same
 episodes: `rodgym evaluate lqg --env rodgym/PendulumSwingUpBase-v0 --env-arg nodes=31 --env-arg
-'sensor_noise={{"angle": 1e-3, "rate": 1e-2}}'`. Lost samples are drawn at random, each
-environment for itself. A wrong first estimate turns the whole rod that the filter believes in; the
+'sensor_noise={{"angle": 1e-3, "rate": 1e-2}}'`. Where samples are lost, each environment loses its
+own, at random. A wrong first estimate turns the whole rod that the filter believes in; the
 filter is as sure of it as of a right one.
 
-CPU time of one `predict` call, from Python:
+The next table has the CPU time of one call of `predict` from Python:
 
 | controller | one environment | 1024 (`mpc`: 16) in one call, each |
 |---|---|---|

@@ -56,10 +56,13 @@ def page(trainings: list[Training], agents: list[Evaluation], lqr: Evaluation, r
     returns = [e.mean("return") for e in agents]
     return f"""# Scores
 
-PPO by the recipe of `baselines/zoo/ppo.yml` in `{ENV}`, trained on {len(trainings)} seeds,
-{trainings[0].seed} to {trainings[-1].seed}, none of which was used while the recipe was looked
-for. Every agent and the LQR play the seeds 0 to {len(lqr.seeds) - 1}, which were not used for any
-choice.
+This page compares agents that PPO trained with the linear quadratic regulator (LQR) in
+`{ENV}`. The recipe of the trainings is `baselines/zoo/ppo.yml`. It was found with other
+training seeds than the {len(trainings)} of this page, which are {trainings[0].seed} to
+{trainings[-1].seed}.
+Every agent and the LQR play the episodes with the seeds 0 to {len(lqr.seeds) - 1}, which were not
+used for any choice.
+
 Written by `make scores` on
 {run.facts["date"]} ({run.facts["machine"]}; {versions}).
 
@@ -67,9 +70,12 @@ Written by `make scores` on
 |---|---|---|---|---|---|---|---|
 {table}
 
-In brackets: 95 % intervals of the stratified bootstrap, over training seeds and episodes; of the
-LQR, which is not trained, over the episodes alone. PPO returns more than the LQR with probability
-{better}. The trainings end at means from {min(returns):.1f} to {max(returns):.1f}.
+The brackets hold 95 % intervals of the stratified bootstrap. For PPO it draws training seeds and
+episodes; for the LQR, which is not trained, it draws episodes alone. PPO returns more than the LQR
+with probability {better}. The mean returns of the trainings lie between {min(returns):.1f} and
+{max(returns):.1f}.
+
+The next table has one row for each training:
 
 | training seed | return | worst | upright | time | torque (rms) | sway | kept at step | wall time |
 |---|---|---|---|---|---|---|---|---|
@@ -77,12 +83,16 @@ LQR, which is not trained, over the episodes alone. PPO returns more than the LQ
 
 ![Learning curves](images/scores.png)
 
-*Upright*: the tip stands, on average over the last second, above 0.95 L.
-*Time*: from when on it stays above 0.9 L.
-*Sway*: rms angle of the edges to the vertical over the last second.
-*Kept*: of 25 stages of the training the one with the best return on
-{len(VALIDATION_SEEDS)} validation seeds ({VALIDATION_SEEDS[0]} and up). The curves are those on the
-validation seeds; the line is the interquartile mean, the band its 95 % interval.
+* *Upright*: the share of episodes in which the tip stands above 0.95 rod lengths on average over
+  the last second.
+* *Time*: the time from which on the tip stays above 0.9 rod lengths.
+* *Sway*: the root mean square of the angles between edges and vertical over the last second.
+* *Kept at step*: an agent is tested 25 times while it trains, with {len(VALIDATION_SEEDS)}
+  validation seeds ({VALIDATION_SEEDS[0]} and up). The agent of the test with the best return is
+  kept.
+
+The learning curves show the returns on the validation seeds. The line is the interquartile mean,
+and the band its 95 % interval.
 """
 
 

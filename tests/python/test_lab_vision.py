@@ -85,12 +85,26 @@ def aligned(points, truth):
     return gap
 
 
-def test_a_film_leads_to_the_rod_that_it_shows(tracked, tmp_path):
+def test_a_film_leads_to_the_rod_that_it_shows(film, tracked, tmp_path):
     words = ["--known", "width=0.007", "--known", "length=0.3", "--out", str(tmp_path / "fit")]
+    words += ["--on", str(film[0])]
     assert main(["fit", str(tracked / "tracks.csv"), *words]) == 0
     rod = yaml.safe_load((tmp_path / "fit" / "rod.yml").read_text())
     assert abs(rod["parameters"]["youngs_modulus"]["value"] / ROD["youngs_modulus"] - 1) < 0.01
     assert abs(rod["parameters"]["bending_damping"]["value"] / ROD["bending_damping"] - 1) < 0.2
+    # The report shows the model on the film: its line lies on the white markers.
+    assert (tmp_path / "fit" / "report.html").read_text().count("data:image/png") == 4
+    sheet = cv2.imread(str(tmp_path / "fit" / "on-film.png")).astype(int)
+    line = (sheet[..., 2] > 200) & (sheet[..., 0] < 90)
+    assert 1000 < line.sum() < 0.05 * line.size
+    away = np.where(line, 0, 255).astype(np.uint8)
+    distance = cv2.distanceTransform(away, cv2.DIST_L2, 5)
+    white = sheet.min(axis=2) > 170
+    # (Without the borders and the times in the corners of the two rows of pictures.)
+    height = len(sheet) // 2
+    inside = [slice(row * height + 40, (row + 1) * height - 5) for row in (0, 1)]
+    near = np.concatenate([distance[rows, 10:470][white[rows, 10:470]] for rows in inside])
+    assert len(near) > 50 and np.median(near) < 8.0
 
 
 def test_the_camera_of_an_earlier_run_needs_no_calibration(film, tracked, tmp_path):

@@ -190,8 +190,8 @@ def add_env(parser: argparse.ArgumentParser, default: str | None = DEFAULT_ENV) 
         type=rod_file,
         action=Rod,
         metavar="FILE",
-        help="rod.yml of 'rodgym fit': the environment gets that rod, episodes draw it from its "
-        "intervals; --env-arg comes on top",
+        help="rod.yml of 'rodgym fit': the environment gets that rod, and episodes draw it from "
+        "the fitted intervals; --env-arg overrides it",
     )
 
 
@@ -215,9 +215,9 @@ def add_designs(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="nominal|each|NAME=VALUE",
-        help="what controllers are designed for: the environment's nominal parameters, every "
-        "episode's own, or these values; may be repeated (default: each and nominal where "
-        "parameters are drawn)",
+        help="the parameters that controllers are designed for: nominal, those of each episode, or "
+        "these values; may be repeated (default: nominal; each and nominal, where episodes draw "
+        "parameters)",
     )
 
 
@@ -239,8 +239,8 @@ def add_normalize(parser: argparse.ArgumentParser) -> None:
         "--normalize",
         type=statistics,
         metavar="FILE|none",
-        help="statistics of the VecNormalize that a trained policy was trained behind (default: "
-        "vecnormalize.pkl beside the policy, where there is one)",
+        help="statistics of VecNormalize from the policy's training, or none (default: "
+        "vecnormalize.pkl beside the policy, if it is there)",
     )
 
 
@@ -261,8 +261,8 @@ def add_band(parser: argparse.ArgumentParser) -> None:
         "--band",
         choices=BANDS,
         default=BANDS[0],
-        help="conditions to play under: nominal (default); starts: from any angle, turning; "
-        "rods: machines about the nominal one, drawn each episode (docs/robustness.md)",
+        help="conditions to play under: nominal (default); starts: from any angle, while turning; "
+        "rods: with machines near the nominal one, drawn each episode (docs/robustness.md)",
     )
 
 
@@ -271,7 +271,7 @@ def add_trajectories(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--trajectories",
         choices=("csv", "parquet"),
-        help="also write every step of every episode: what was seen, done and earned",
+        help="also write every step of every episode: observation, action, reward",
     )
 
 

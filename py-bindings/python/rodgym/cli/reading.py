@@ -15,16 +15,19 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
         help="unit of the positions (default: the file's, or m)",
     )
     group.add_argument(
-        "--scale", type=float, metavar="M", help="metres of one unit of the table: for pixels"
+        "--scale",
+        type=float,
+        metavar="M",
+        help="metres that one unit of the table is, for tables in pixels",
     )
     group.add_argument(
         "--y", choices=("up", "down"), help="where y points (default: as the format has it, or up)"
     )
     group.add_argument(
-        "--rate", type=float, metavar="HZ", help="frames a second, of files without times"
+        "--rate", type=float, metavar="HZ", help="frames a second, for files without times"
     )
     group.add_argument(
-        "--markers", type=names, metavar="NAME,...", help="markers from base to tip, by name"
+        "--markers", type=names, metavar="NAME,...", help="names of the markers, from base to tip"
     )
     group.add_argument(
         "--origin", type=pair, metavar="X,Y", help="point of the table that becomes 0,0"
@@ -41,10 +44,10 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=0.6,
         metavar="P",
-        help="points that are less sure are taken for lost (default 0.6)",
+        help="points with less confidence count as lost (default 0.6)",
     )
-    group.add_argument("--animal", metavar="NAME", help="which one, of a file with several")
-    group.add_argument("--camera", metavar="N", help="which one, of a file with several")
+    group.add_argument("--animal", metavar="NAME", help="which animal, if the file has several")
+    group.add_argument("--camera", metavar="N", help="which camera, if the file has several")
 
 
 def reading(args: argparse.Namespace) -> dict[str, Any]:

@@ -21,7 +21,11 @@ from rodgym.lab.errors import (
     RecordingError,
     UnitsError,
 )
-from rodgym.lab.fin_in_air import Experiment, FinFit, fit_as_the_thesis, fit_fin
+from rodgym.lab.film import Torque
+from rodgym.lab.fin_fit import fit_fin
+from rodgym.lab.fin_in_air import Experiment, fit_as_the_thesis
+from rodgym.lab.fin_model import Recording
+from rodgym.lab.fin_result import FinFit
 from rodgym.lab.fitting import fit
 from rodgym.lab.readers import read_tracks
 from rodgym.lab.result import Fit, Holdout, Interval
@@ -48,7 +52,9 @@ __all__ = [
     "MarkersError",
     "MisfitError",
     "OrderError",
+    "Recording",
     "RecordingError",
+    "Torque",
     "Tracks",
     "UnitsError",
     "fit",

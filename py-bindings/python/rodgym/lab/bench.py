@@ -5,7 +5,7 @@ The rod is simulated with more nodes, by another scheme and with a smaller step 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -61,6 +61,7 @@ class Bench:
     rod: parameters that differ from `ROD`; `nodes` makes it one of so many nodes
     angle, bend: of the base from hanging, and the turn from base to tip, when it is let go [rad]
     waited: time from then to the first frame [s]
+    torque: on the base [N m] as a function of the film's time, 0 before the first frame
     """
 
     rod: Mapping[str, float] = field(default_factory=dict)
@@ -71,6 +72,7 @@ class Bench:
     rate: float = 30.0
     markers: int = 7
     flaws: Flaws = Flaws()
+    torque: Callable[[Array], Array] | None = None
 
     def keywords(self) -> dict[str, float]:
         """Every parameter of the hidden rod."""
@@ -90,30 +92,38 @@ def record(benches: Sequence[Bench], seeds: Sequence[int]) -> list[Tracks]:
     every = round(steps / first.rate)
     needed = np.unique(np.add.outer(waits, every * np.arange(frames)))
     parameters = [b.keywords() for b in benches]
+    torques = np.zeros((len(benches), int(needed[-1])))
+    for row, bench, wait in zip(torques, benches, waits, strict=True):
+        if bench.torque is not None:
+            row[wait:] = bench.torque((np.arange(len(row) - wait) + 0.5) / steps)
+    limit = 1.001 * float(np.abs(torques).max())
     positions, _ = swing(
         {
             "nodes": nodes,
             "stepper": "tr_bdf2",
             "control_dt": 1 / steps,
             "physics_dt": 1 / steps / max(1, round(SUBSTEPS * 30 / steps)),
+            **({"torque_limit": limit} if limit > 0 else {}),
         },
         {name: np.array([own[name] for own in parameters]) for name in ROD},
         start,
         np.zeros_like(start),
         needed,
+        torques if limit > 0 else None,
     )
     films = []
     for bench, wait, seed, nodes_seen in zip(benches, waits, seeds, positions, strict=True):
         places = np.linspace(0.0, 1.0, bench.markers)
         marks = shapes.marks(places, nodes, smooth=bench.rod.get("nodes") is None)
         chosen = np.searchsorted(needed, wait + every * np.arange(frames))
-        films.append(filmed(np.einsum("mn,fni->fmi", marks, nodes_seen[chosen]), bench, seed))
+        points = np.einsum("mn,fni->fmi", marks, nodes_seen[chosen])
+        films.append(filmed(points, bench.rate, bench.flaws, seed))
     return films
 
 
-def filmed(points: Array, bench: Bench, seed: int) -> Tracks:
+def filmed(points: Array, rate: float, flaws: Flaws, seed: int) -> Tracks:
     """True places of markers (frames, markers, 2) as a camera with flaws records them."""
-    flaws, random = bench.flaws, np.random.default_rng(seed)
+    random = np.random.default_rng(seed)
     c, s = np.cos(flaws.tilt), np.sin(flaws.tilt)
     seen = flaws.scale * points @ np.array([[c, s], [-s, c]]) + flaws.base
     seen += random.normal(0.0, flaws.noise, seen.shape)
@@ -124,6 +134,6 @@ def filmed(points: Array, bench: Bench, seed: int) -> Tracks:
         one, other = (marker - 1 for marker in flaws.swapped)
         middle = slice(len(seen) // 3, 2 * len(seen) // 3)
         seen[middle, [one, other]] = seen[middle, [other, one]]
-    times = flaws.clock + np.arange(len(seen)) / bench.rate
+    times = flaws.clock + np.arange(len(seen)) / rate
     there = random.random(len(seen)) >= flaws.dropped
     return Tracks(times[there], seen[there])

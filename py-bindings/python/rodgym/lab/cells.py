@@ -16,8 +16,11 @@ from rodgym.lab.readers.plain import SECONDS, column
 from rodgym.lab.readers.source import read_text
 from rodgym.lab.tracks import Array
 
-#: Units of a load cell, and how many of the base unit (V, N, N m) one is.
-UNITS = {"v": 1.0, "mv": 1e-3, "n": 1.0, "mn": 1e-3, "nm": 1.0, "mnm": 1e-3}
+#: Units of a bench's signals, and how many of the base unit (V, N, N m, rad) one is.
+UNITS = {
+    "v": 1.0, "mv": 1e-3, "n": 1.0, "mn": 1e-3, "nm": 1.0, "mnm": 1e-3, "rad": 1.0,
+    "deg": float(np.pi / 180),
+}  # fmt: skip
 #: Times that differ from even ones by more than this share of a step are not even.
 EVEN = 0.01
 #: The thesis' stop bands [Hz]: oscillations of its test bed (3.4.2).
@@ -33,8 +36,8 @@ class Signals:
     Parameters
     ----------
     times: [s], rising
-    values: by name, in V, N or N m
-    units: by name: `v`, `n`, `nm`, or empty where nobody has said
+    values: by name, in V, N, N m or rad
+    units: by name: `v`, `n`, `nm`, `rad`, or empty where nobody has said
     notes: what was done on the way
     """
 
@@ -149,7 +152,7 @@ def read_cells(path: Path | str) -> Signals:
         )
     for name in names[1:]:
         if name.unit not in ("", *UNITS):
-            known = "V, mV, N, mN, Nm, mNm"
+            known = "V, mV, N, mN, Nm, mNm, rad, deg"
             raise UnitsError(f"{text.name}: {name.name} is in {name.unit!r}; there are {known}")
     table = text.numbers(1, [name.name for name in names])
     missing = np.argwhere(np.isnan(table))
@@ -160,7 +163,7 @@ def read_cells(path: Path | str) -> Signals:
     if len(times) < 2 or (np.diff(times) <= 0).any():
         raise FramesError(f"{text.name}: times must rise from line to line")
     values = {n.name: table[:, i] * UNITS.get(n.unit, 1.0) for i, n in enumerate(names[1:], 1)}
-    units = {n.name: n.unit.removeprefix("m") for n in names[1:]}
+    units = {n.name: n.unit.removeprefix("m").replace("deg", "rad") for n in names[1:]}
     return Signals(times, values, units)
 
 

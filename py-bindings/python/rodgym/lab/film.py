@@ -7,18 +7,23 @@ does not grow over the whole film (multiple shooting); one piece is the whole fi
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rodgym.lab import shapes
 from rodgym.lab.gauss_newton import Prior
+from rodgym.lab.samples import cubic
 from rodgym.lab.swings import swing
 from rodgym.lab.tracks import Array, Tracks
 
 #: How the camera may be off: logarithm of the scale, tilt [rad], place of the base x and y [m].
 CAMERA = ("scale", "tilt", "base_x", "base_y")
-CAMERA_DEVIATION = np.array([0.1, 0.3, 0.05, 0.05])
+CAMERA_DEVIATION = (0.1, 0.3, 0.05, 0.05)
+#: What comes after them where a torque drives the rod: its clock less that of the film [s].
+CLOCK, CLOCK_DEVIATION = "clock", 0.02
+#: Step of its difference [s], and the longest time for which a torque is held [s].
+CLOCK_STEP, HELD = 1e-4, 2.1e-3
 #: Deviation of the logarithm of a parameter that nothing is known of: a factor of 20.
 UNKNOWN = 3.0
 #: Steps of the differences: logarithms of parameters, angles [rad], rates [rad/s].
@@ -45,27 +50,64 @@ class Rod:
 
 
 @dataclass(frozen=True)
+class Torque:
+    """What drove the base.
+
+    Parameters
+    ----------
+    times: [s], rising
+    values: [N m], smooth in between; none before and after
+    """
+
+    times: Array
+    values: Array
+
+    @property
+    def largest(self) -> float:
+        """The most that it is, either way [N m]."""
+        return float(np.abs(self.values).max())
+
+    def __call__(self, at: Array) -> Array:
+        """Torque at these times [N m]."""
+        inside = (at >= self.times[0]) & (at <= self.times[-1])
+        return np.where(inside, cubic(self.times, self.values, at), 0.0)
+
+
+@dataclass(frozen=True)
 class Film:
     """Tracks cut in pieces, and the model of them.
 
-    The unknowns x are the logarithms of the free parameters, the four of `CAMERA`, then for each
-    piece the coefficients of angles and of rates at its first frame.
+    The unknowns x are the logarithms of the free parameters, the four of `CAMERA`, the clock where
+    there is a torque, then for each piece the coefficients of angles and of rates at its first
+    frame.
 
     Parameters
     ----------
     places: of the markers along the rod [m]
     firsts: the first frame of each piece
+    torque: on the base; None: the rod swings freely
     """
 
     tracks: Tracks
     places: Array
     rod: Rod
     firsts: tuple[int, ...]
+    torque: Torque | None = None
 
     @property
     def shared(self) -> int:
         """Unknowns that all pieces have in common."""
-        return len(self.rod.free) + len(CAMERA)
+        return len(self.rod.free) + len(self.bench)
+
+    @property
+    def bench(self) -> tuple[str, ...]:
+        """Names of the unknowns of camera and clock."""
+        return CAMERA if self.torque is None else (*CAMERA, CLOCK)
+
+    @property
+    def turned(self) -> int:
+        """Where the camera's unknowns begin."""
+        return len(self.rod.free)
 
     @property
     def pieces(self) -> list[tuple[int, int]]:
@@ -85,14 +127,16 @@ class Film:
         mean[camera.start : camera.start + 2] = 0.0
         start = np.concatenate([shapes.ANGLES, shapes.RATES])
         free = np.full(len(self.rod.free), UNKNOWN)
-        deviation = np.concatenate([free, CAMERA_DEVIATION, np.tile(start, len(self.firsts))])
+        bench = (*CAMERA_DEVIATION, CLOCK_DEVIATION)[: len(self.bench)]
+        mean[camera.start + len(CAMERA) : self.shared] = 0.0
+        deviation = np.concatenate([free, bench, np.tile(start, len(self.firsts))])
         return Prior(mean, deviation)
 
     def strides(self) -> Array:
         """The longest step of each unknown."""
         logs, angles, rates = STRIDES
         start = np.repeat([angles, rates], shapes.SHAPES)
-        camera = np.full(len(CAMERA), 0.1)
+        camera = np.full(len(self.bench), 0.1)
         shared = np.concatenate([np.full(len(self.rod.free), logs), camera])
         return np.concatenate([shared, np.tile(start, len(self.firsts))])
 
@@ -106,6 +150,11 @@ class Film:
         """The residuals alone."""
         seen = np.isfinite(self.tracks.points)
         return (self._filmed(self._swings(x, differences=False)[0], x) - self.tracks.points)[seen]
+
+    def outlines(self, x: Array, points: int = 61) -> Array:
+        """The rod in every frame as the camera has it, from base to tip, (frames, points, 2)."""
+        along = replace(self, places=np.linspace(0.0, self.rod.length, points))
+        return self._filmed(along._swings(x, differences=False)[0], x)
 
     def predict(self, x: Array) -> tuple[Array, Array]:
         """Where markers are seen (frames, markers, 2), and the derivatives (..., unknowns)."""
@@ -128,14 +177,23 @@ class Film:
 
     def _filmed(self, places: Array, x: Array) -> Array:
         """What the camera makes of places on the rod."""
-        return places @ self._turn(x).T + x[self.shared - 2 : self.shared]
+        return places @ self._turn(x).T + x[self.turned + 2 : self.turned + 4]
 
     def _swings(self, x: Array, differences: bool = True) -> tuple[Array, Array]:
         """Markers on the rods of all pieces, by one batch with a rod more for each difference."""
-        frees, shared, width = len(self.rod.free), self.shared, 2 * shapes.SHAPES
-        steps = np.concatenate([np.full(frees, STEPS[0]), np.repeat(STEPS[1:], shapes.SHAPES)])
+        shared, width = self.shared, 2 * shapes.SHAPES
+        frees, clock = len(self.rod.free), shared - self.turned - len(CAMERA)
+        common = frees + clock
+        steps = np.concatenate(
+            [
+                np.full(frees, STEPS[0]),
+                np.full(clock, CLOCK_STEP),
+                np.repeat(STEPS[1:], shapes.SHAPES),
+            ]
+        )
+        own = np.concatenate([x[:frees], x[shared - clock : shared]])
         base = [
-            np.concatenate([x[:frees], x[shared + i * width : shared + (i + 1) * width]])
+            np.concatenate([own, x[shared + i * width : shared + (i + 1) * width]])
             for i in range(len(self.firsts))
         ]
         moved = np.zeros((1, len(steps)))
@@ -152,13 +210,15 @@ class Film:
             if differences:
                 change = np.moveaxis(piece[1:] - piece[0], 0, -1) / steps
                 slopes[first:end, ..., :frees] = change[..., :frees]
-                own = slice(shared + i * width, shared + (i + 1) * width)
-                slopes[first:end, ..., own] = change[..., frees:]
+                slopes[first:end, ..., shared - clock : shared] = change[..., frees:common]
+                starts = slice(shared + i * width, shared + (i + 1) * width)
+                slopes[first:end, ..., starts] = change[..., common:]
         return places, slopes
 
     def _seen(self, rows: Array) -> Array:
         """Markers (rows, frames of the longest piece, markers, 2) of rods with these numbers."""
         frees, shape = len(self.rod.free), shapes.edges(self.rod.nodes)
+        coefficients = rows[:, frees + (self.torque is not None) :]
         dt = self.tracks.frame_time
         # Frames of each piece from its start, in steps of the camera; between two, by the cubic
         # through positions and velocities.
@@ -172,9 +232,10 @@ class Film:
         positions, velocities = swing(
             {**self.rod.known, "nodes": self.rod.nodes, **self._timing(rows[0])},
             parameters,
-            rows[:, frees : frees + shapes.SHAPES] @ shape.T,
-            rows[:, frees + shapes.SHAPES :] @ shape.T,
-            needed,
+            coefficients[:, : shapes.SHAPES] @ shape.T,
+            coefficients[:, shapes.SHAPES :] @ shape.T,
+            needed * self.held,
+            self._torques(rows, int(needed[-1])),
         )
         marks = shapes.marks(self.places / self.rod.length, self.rod.nodes, self.rod.smooth)
         x, v = (np.matmul(marks, state) for state in (positions, velocities))
@@ -190,15 +251,31 @@ class Film:
             + u**2 * (u - 1) * dt * v[row, high]
         )
 
+    @property
+    def held(self) -> int:
+        """Into how many parts a frame is cut, in each of which a torque is held."""
+        return 1 if self.torque is None else int(np.ceil(self.tracks.frame_time / HELD))
+
+    def _torques(self, rows: Array, frames: int) -> Array | None:
+        """Torque on each rod in the middle of each part of so many frames (rows, parts) [N m]."""
+        if self.torque is None:
+            return None
+        part = self.tracks.frame_time / self.held
+        starts = np.repeat(self.tracks.times[list(self.firsts)], len(rows) // len(self.firsts))
+        starts = starts + rows[:, len(self.rod.free)]
+        return self.torque(np.add.outer(starts, part * (np.arange(frames * self.held) + 0.5)))
+
     def _timing(self, row: Array) -> dict[str, object]:
         """Scheme and step: fine against the slowest bending, coarse against the camera."""
         values = {**self.rod.known, **dict(zip(self.rod.free, np.exp(row), strict=False))}
         speed = values["width"] * np.sqrt(values["youngs_modulus"] / (12 * values["density"]))
         period = 2 * np.pi / 15.42 * self.rod.length**2 / speed
         fine = np.clip(period / self.rod.steps, self.tracks.frame_time / 64, 1 / 480)
-        dt = self.tracks.frame_time
+        dt = self.tracks.frame_time / self.held
+        motor = {} if self.torque is None else {"torque_limit": 1.001 * self.torque.largest}
         return {
             "stepper": "esdirk3",
             "control_dt": dt,
             "physics_dt": dt / int(np.ceil(dt / fine - 1e-9)),
+            **motor,
         }

@@ -9,8 +9,8 @@ import numpy as np
 from rodgym import _native
 from rodgym._checks import number, refused, whole
 from rodgym.lab import trust
-from rodgym.lab.errors import MisfitError
-from rodgym.lab.film import CAMERA
+from rodgym.lab.errors import FramesError, MisfitError
+from rodgym.lab.film import Torque
 from rodgym.lab.gauss_newton import Estimate
 from rodgym.lab.result import Fit, Interval, Level
 from rodgym.lab.sanity import checked
@@ -44,8 +44,9 @@ def fit(
     start: Mapping[str, float] | None = None,
     places: Sequence[float] | None = None,
     nodes: int = 7,
+    torque: Torque | None = None,
 ) -> Fit:
-    """Fits a pendulum that swings freely.
+    """Fits a pendulum that swings freely, or that a known torque drives.
 
     Parameters
     ----------
@@ -55,6 +56,8 @@ def fit(
     start: where the fit starts
     places: of the markers along the rod [m]; left out: evenly from base to tip
     nodes: of the environment that the equivalent parameters are for
+    torque: on the base; left out: the base turns freely. Its clock is corrected by some hundredths
+        of a second
 
     Raises
     ------
@@ -88,8 +91,33 @@ def fit(
         raise refused("places", along.tolist(), f"rising, from 0 to the length {values['length']}")
     tracks = checked(tracks, along)
     fixed = {name: value for name, value in values.items() if name not in free}
-    search = Search(tracks, along, fixed, free, [values[name] for name in free], rows)
+    if torque is not None:
+        driven(torque, tracks)
+    start_values = [values[name] for name in free]
+    search = Search(tracks, along, fixed, free, start_values, rows, torque)
     return searched(search, None if discrete is None else int(discrete), nodes, given)
+
+
+def driven(torque: Torque, tracks: Tracks) -> None:
+    """Refuses what drives no rod of this film.
+
+    Raises
+    ------
+    FramesError: times that do not rise, or that are others than the film's
+    """
+    times, values = np.asarray(torque.times), np.asarray(torque.values)
+    if times.ndim != 1 or times.shape != values.shape or len(times) < 2:
+        raise FramesError(f"{values.shape} torques for {times.shape} times; there must be as many")
+    if (np.diff(times) <= 0).any() or not np.isfinite(values).all():
+        raise FramesError("times of the torque must rise, and torques be finite")
+    if not torque.largest > 0:
+        raise FramesError("the torque is 0 all the time: leave it out")
+    if times[0] > tracks.times[-1] or times[-1] < tracks.times[0]:
+        raise FramesError(
+            f"the torque is from {times[0]:g} to {times[-1]:g} s, the film from "
+            f"{tracks.times[0]:g} to {tracks.times[-1]:g} s: they need one clock (lab.clocks "
+            "aligns)"
+        )
 
 
 def _value(
@@ -155,7 +183,7 @@ def searched(search: Search, discrete: int | None, nodes: int, known: Mapping[st
         estimate=best,
         parameters=_intervals(search.free, logs, covariance),
         covariance=covariance,
-        camera=_camera(search.free, best),
+        camera=_camera(search.free, film.bench, best),
         known={**known, **({"nodes": discrete} if discrete else {})},
         fixed=dict(search.fixed),
         not_identifiable=vague,
@@ -179,12 +207,12 @@ def _intervals(free: tuple[str, ...], logs: Array, covariance: Array) -> dict[st
     return {name: interval(log, deviation) for name, log, deviation in rows}
 
 
-def _camera(free: tuple[str, ...], found: Estimate) -> dict[str, Interval]:
+def _camera(free: tuple[str, ...], bench: tuple[str, ...], found: Estimate) -> dict[str, Interval]:
     """The camera's scale as a factor, the others as they are."""
-    shared = len(free) + len(CAMERA)
+    shared = len(free) + len(bench)
     deviations = np.sqrt(np.diag(found.covariance))[len(free) : shared]
     pairs = zip(found.x[len(free) : shared], deviations, strict=True)
-    rows = dict(zip(CAMERA, pairs, strict=True))
+    rows = dict(zip(bench, pairs, strict=True))
     camera = {
         name: Interval(float(x), float(x - WIDE * d), float(x + WIDE * d))
         for name, (x, d) in rows.items()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,19 +44,55 @@ class Estimate:
     residuals: Array
     #: Which residuals are no outliers.
     kept: npt.NDArray[np.bool_]
-    #: Deviation of the residuals that were kept.
-    sigma: float
+    #: Deviation of the residuals that were kept, of each kind.
+    sigmas: tuple[float, ...]
     iterations: int
     converged: bool
+
+    @property
+    def sigma(self) -> float:
+        """Deviation of the residuals of the first kind."""
+        return self.sigmas[0]
 
 
 #: Residuals (m,) and their derivatives (m, n); NaN where there is no model.
 Model = Callable[[Array], tuple[Array, Array]]
 
 
-def spread(residuals: Array, floor: float) -> float:
-    """Standard deviation as the median tells it."""
-    return max(1.4826 * float(np.median(np.abs(residuals))), floor)
+class Kinds:
+    """Residuals of several kinds, each with a deviation of its own that nobody knows before.
+
+    Parameters
+    ----------
+    of: the kind of each residual, counted from 0
+    floors: the least deviation of each kind that is believed
+    """
+
+    def __init__(self, of: npt.NDArray[np.int_], floors: Sequence[float]) -> None:
+        self.floors = floors
+        self._all = [np.flatnonzero(of == kind) for kind in range(len(floors))]
+        self._of = of
+
+    def spread(self, residuals: Array) -> list[float]:
+        """The deviation of each kind, as its median tells it."""
+        return [
+            max(1.4826 * float(np.median(np.abs(residuals[own]))), floor) if len(own) else floor
+            for own, floor in zip(self._all, self.floors, strict=True)
+        ]
+
+    def deviations(self, residuals: Array, kept: npt.NDArray[np.bool_], free: int) -> list[float]:
+        """The deviation of what was kept of each kind; the unknowns have taken some of it."""
+        share = 1 - free / max(int(kept.sum()), free + 1)
+        found = []
+        for own, floor in zip(self._all, self.floors, strict=True):
+            inner = residuals[own][kept[own]]
+            mean = float(np.sum(inner**2)) / max(len(inner) * share, 1.0)
+            found.append(max(float(np.sqrt(mean)), floor))
+        return found
+
+    def at(self, deviations: Sequence[float]) -> Array:
+        """The deviation at each residual from that of each kind."""
+        return np.array(deviations)[self._of]
 
 
 def solve(
@@ -68,6 +104,7 @@ def solve(
     floor: float,
     rounds: int = 30,
     final: bool = True,
+    kinds: Kinds | None = None,
 ) -> Estimate:
     """The most probable unknowns.
 
@@ -77,17 +114,19 @@ def solve(
     stride: the longest step of each unknown
     floor: the least deviation of the residuals that is believed
     final: throws outliers out in the end; else they only count less
+    kinds: of the residuals; left out: one kind with this floor
     """
     residuals, slopes = model(x)
     if not np.isfinite(residuals).all():
         raise MisfitError("the rod that the fit starts from cannot be simulated (--start)")
+    kinds = kinds or Kinds(np.zeros(len(residuals), int), (floor,))
     damping, iterations, converged = DAMPING, 0, False
     for outliers in (False, True) if final else (False,):
         damping, converged = DAMPING, False
         limit = SMALL if outliers else ROUGHLY
         while iterations < rounds and not converged:
             iterations += 1
-            sigma = spread(residuals, floor)
+            sigma = kinds.at(kinds.spread(residuals))
             normal, slope = _normal(residuals, slopes, x, prior, sigma, outliers)
             before = _cost(residuals, x, prior, sigma, outliers)
             while True:
@@ -107,14 +146,14 @@ def solve(
                     converged = True
                     break
                 damping = max(damping * 10, 1e-3)
-    sigma = spread(residuals, floor)
-    kept = np.abs(residuals) <= (OUTLIER * sigma if final else np.inf)
+    sigmas = kinds.spread(residuals)
+    kept = np.abs(residuals) <= (OUTLIER * kinds.at(sigmas) if final else np.inf)
     if final:
-        free = max(int(kept.sum()) - len(x), 1)
-        sigma = max(float(np.sqrt(np.sum(residuals[kept] ** 2) / free)), floor)
+        sigmas = kinds.deviations(residuals, kept, len(x))
+    sigma = kinds.at(sigmas)
     normal, _ = _normal(residuals, slopes, x, prior, sigma, final)
     covariance = np.asarray(np.linalg.inv(normal), np.float64)
-    return Estimate(x, covariance, residuals, kept, sigma, iterations, converged)
+    return Estimate(x, covariance, residuals, kept, tuple(sigmas), iterations, converged)
 
 
 def _weights(scaled: Array, outliers: bool) -> Array:
@@ -126,7 +165,7 @@ def _weights(scaled: Array, outliers: bool) -> Array:
 
 
 def _normal(
-    residuals: Array, slopes: Array, x: Array, prior: Prior, sigma: float, outliers: bool
+    residuals: Array, slopes: Array, x: Array, prior: Prior, sigma: Array, outliers: bool
 ) -> tuple[Array, Array]:
     """The normal equations: matrix and gradient."""
     weighted = slopes * (_weights(residuals / sigma, outliers) / sigma**2)[:, np.newaxis]
@@ -134,7 +173,7 @@ def _normal(
     return matrix, weighted.T @ residuals + prior.weight * (x - prior.mean)
 
 
-def _cost(residuals: Array, x: Array, prior: Prior, sigma: float, outliers: bool) -> float:
+def _cost(residuals: Array, x: Array, prior: Prior, sigma: Array, outliers: bool) -> float:
     """Half the squared deviations, of outliers less; infinite where there is no model."""
     if not np.isfinite(residuals).all():
         return float("inf")

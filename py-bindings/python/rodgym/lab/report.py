@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -16,8 +17,13 @@ from rodgym.runs import Run
 SHAPES = 8
 
 
-def write_report(run: Run, fit: Fit, film: str) -> Path:
-    """Writes ``report.html`` with its pictures into the run's folder."""
+def write_report(run: Run, fit: Fit, film: str, on_film: Path | None = None) -> Path:
+    """Writes ``report.html`` with its pictures into the run's folder.
+
+    Parameters
+    ----------
+    on_film: a picture of the model on frames of the film
+    """
     model, _ = fit.film.predict(fit.estimate.x)
     overlay(run.file("overlay.png"), fit, model)
     signals(run.file("signals.png"), fit, model)
@@ -30,9 +36,10 @@ def write_report(run: Run, fit: Fit, film: str) -> Path:
         "fit.html",
         title="A rod from its film",
         subject=film,
-        verdict=verdict(fit),
+        verdict=verdict({**fit.identified, **fit.together}, fit.not_identifiable),
         rows=rows,
         camera=[(name, *shown(i)) for name, i in fit.camera.items()],
+        on_film=on_film,
         names=list(fit.parameters),
         levels=[
             (
@@ -47,13 +54,12 @@ def write_report(run: Run, fit: Fit, film: str) -> Path:
     )
 
 
-def verdict(fit: Fit) -> str:
+def verdict(found: Mapping[str, Interval], unknown: Iterable[str]) -> str:
     """What was found, in one sentence."""
     parts = [
-        f"{name} = {i.value:.4g} (95 %: {i.low:.4g} to {i.high:.4g})"
-        for name, i in {**fit.identified, **fit.together}.items()
+        f"{name} = {i.value:.4g} (95 %: {i.low:.4g} to {i.high:.4g})" for name, i in found.items()
     ]
-    vague = [f"{name} is not identifiable from this film" for name in fit.not_identifiable]
+    vague = [f"{name} is not identifiable from this film" for name in unknown]
     return "; ".join([*parts, *vague]) + "."
 
 
@@ -124,7 +130,7 @@ def residuals(path: Path, fit: Fit, model: np.ndarray) -> None:
             right.plot(
                 np.arange(1, len(rms) + 1), rms[:, axis], "o-", color=colour, label="xy"[axis]
             )
-        right.set_ylim(bottom=0.0)
+        right.set_ylim(0.0, 1.25 * right.get_ylim()[1])
         right.set_xlabel("marker, from the base")
         right.set_ylabel("deviation [mm]")
         right.set_title("By marker")

@@ -39,16 +39,23 @@ class Holdout(NamedTuple):
     foretold: float
     #: Of those, had the parameters stayed where the fit started.
     before: float
+    #: What was to be expected of those, from the noise and from how well the first ones tell.
+    expected: float
+
+    @property
+    def good(self) -> bool:
+        """Whether the model foretells as well as was to be expected."""
+        return self.foretold < 1.3 * self.expected
 
     @property
     def passed(self) -> bool:
-        """Whether the model foretells as well as it fits, and better than the start did."""
-        return self.foretold < 1.3 * self.fitted and self.foretold < 0.95 * self.before
+        """Whether it foretells as well as was to be expected, and better than the start did."""
+        return self.good and self.foretold < 0.95 * self.before
 
     @property
     def useless(self) -> bool:
-        """Whether the model foretells much worse than it fits, and no better than the start did."""
-        return self.foretold >= 1.3 * self.fitted and self.foretold >= 0.95 * self.before
+        """Whether it foretells much worse than was to be expected, no better than the start did."""
+        return not self.good and self.foretold >= 0.95 * self.before
 
     @property
     def words(self) -> str:
@@ -56,9 +63,20 @@ class Holdout(NamedTuple):
         last = f"the last {self.frames} frames, not fitted, are foretold to"
         verdict = "passed" if self.passed else "not passed"
         return (
-            f"{last} {1e3 * self.foretold:.3f} mm ({1e3 * self.fitted:.3f} mm where fitted, "
+            f"{last} {1e3 * self.foretold:.3f} mm (expected {1e3 * self.expected:.3f} mm, "
             f"{1e3 * self.before:.3f} mm with the start's parameters): {verdict}"
         )
+
+    def as_dict(self) -> dict[str, Any]:
+        """What `rod.yml` holds of it."""
+        return {
+            "frames": self.frames,
+            "fitted_mm": 1e3 * self.fitted,
+            "foretold_mm": 1e3 * self.foretold,
+            "start_mm": 1e3 * self.before,
+            "expected_mm": 1e3 * self.expected,
+            "passed": self.passed,
+        }
 
 
 @dataclass(frozen=True)
@@ -114,13 +132,7 @@ class Fit:
                 "matrix": self.covariance.tolist(),
             },
             "camera": {name: i._asdict() for name, i in self.camera.items()},
-            "holdout": {
-                "frames": self.holdout.frames,
-                "fitted_mm": 1e3 * self.holdout.fitted,
-                "foretold_mm": 1e3 * self.holdout.foretold,
-                "start_mm": 1e3 * self.holdout.before,
-                "passed": self.holdout.passed,
-            },
+            "holdout": self.holdout.as_dict(),
             "residual_mm": 1e3 * self.estimate.sigma,
             "misfit": self.misfit,
             "nodes": [

@@ -37,9 +37,7 @@ def checked(tracks: Tracks, places: Array) -> Tracks:
             f"frames are {tracks.frame_time:g} apart: times must be in seconds "
             f"({low:g} to {high:g} s from frame to frame), not in frames or milliseconds"
         )
-    scale = _scale(tracks.points, places)
-    if not SPAN[0] <= scale <= SPAN[1]:
-        raise UnitsError(_units(scale))
+    scale = spans(tracks.points, places)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # A marker that was never seen.
         middle = np.nanmedian(tracks.points, axis=0)
@@ -59,13 +57,21 @@ def checked(tracks: Tracks, places: Array) -> Tracks:
     return untangled(Tracks(tracks.times, tracks.points, notes), places, scale)
 
 
-def _scale(points: Array, places: Array) -> float:
-    """Distances of markers over those along the rod: the median of all pairs and frames."""
+def spans(points: Array, places: Array) -> float:
+    """Distances of markers over those along the rod: the median of all pairs and frames.
+
+    Raises
+    ------
+    UnitsError: they are not in metres
+    """
     ratios = [
         np.linalg.norm(points[:, i] - points[:, j], axis=1) / (places[j] - places[i])
         for i, j in combinations(range(len(places)), 2)
     ]
-    return float(np.nanmedian(np.array(ratios)))
+    scale = float(np.nanmedian(np.array(ratios)))
+    if not SPAN[0] <= scale <= SPAN[1]:
+        raise UnitsError(_units(scale))
+    return scale
 
 
 def _units(scale: float) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 
 from rodgym.lab import shapes
 from rodgym.lab.errors import FramesError, MisfitError
-from rodgym.lab.film import CAMERA, Film, Rod
+from rodgym.lab.film import CAMERA, Film, Rod, Torque
 from rodgym.lab.gauss_newton import Estimate, solve
 from rodgym.lab.tracks import Array, Tracks
 
@@ -47,9 +47,10 @@ class Search:
         free: tuple[str, ...],
         values: Sequence[float],
         rows: Mapping[str, Mapping[str, float]],
+        torque: Torque | None = None,
     ) -> None:
         self.tracks, self.places, self.fixed, self.free = tracks, places, fixed, free
-        self.values = values
+        self.values, self.torque = values, torque
         # (Within the range, so that differences are, too.)
         self.limits = {
             name: (
@@ -63,7 +64,7 @@ class Search:
     def film(self, nodes: int, smooth: bool, steps: int, firsts: Sequence[int] = (0,)) -> Film:
         """A model of so many nodes."""
         rod = Rod(nodes, smooth, self.fixed, self.free, steps)
-        return Film(self.tracks, self.places, rod, tuple(firsts))
+        return Film(self.tracks, self.places, rod, tuple(firsts), self.torque)
 
     def whole(
         self, coarse: int, nodes: int, smooth: bool
@@ -94,7 +95,9 @@ class Search:
         at = shapes.guess(self.tracks, self.places)
         film = self.film(nodes, smooth, ROUGH, self.cut(0))
         base = np.nanmedian(self.tracks.points[:, 0], axis=0)
-        x = film.start(np.array(self.values), np.array([0.0, 0.0, *base]), at)
+        bench = np.zeros(len(film.bench))
+        bench[2 : len(CAMERA)] = base
+        x = film.start(np.array(self.values), bench, at)
         trials = list[Estimate]()
         for start in self.tried(x):
             # What one start cannot be simulated from, another may.
@@ -137,7 +140,8 @@ class Search:
     def grown(self, nodes: int, smooth: bool, x: Array, at: tuple[Array, Array]) -> Estimate:
         """The whole film from the unknowns of its shortest pieces, by ever longer ones."""
         angles, rates = at[0].copy(), at[1].copy()
-        shared, rounds, firsts = len(self.free) + len(CAMERA), 0, self.cut(0)
+        rounds, firsts = 0, self.cut(0)
+        shared = self.film(nodes, smooth, ROUGH, firsts).shared
         while True:
             starts = x[shared:].reshape(len(firsts), 2, shapes.SHAPES)
             for first, (angle, rate) in zip(firsts, starts, strict=True):

@@ -1,4 +1,4 @@
-"""Many free swings of a pendulum at once, in one native batch: what differences are made of."""
+"""Many swings of a pendulum at once, in one native batch: what differences are made of."""
 
 from __future__ import annotations
 
@@ -23,8 +23,9 @@ def swing(
     angles: Array,
     rates: Array,
     keep: Array,
+    torques: Array | None = None,
 ) -> tuple[Array, Array]:
-    """Positions and velocities of the nodes of n rods that swing without torque.
+    """Positions and velocities of the nodes of n rods that swing, freely or driven.
 
     Parameters
     ----------
@@ -32,6 +33,8 @@ def swing(
     parameters: those that differ from rod to rod, (n,) each
     angles, rates: of the edges at time 0, (n, edges)
     keep: which times are wanted, in steps of `control_dt`, rising, (k,)
+    torques: on the base in each step [N m], (n, steps), at most the keyword `torque_limit`; None:
+        none
 
     Returns
     -------
@@ -43,7 +46,8 @@ def swing(
         some = slice(first, first + RODS)
         own = {name: values[some] for name, values in parameters.items()}
         batch = started(keywords, own, angles[some], rates[some])
-        film(batch, keep, positions[some], velocities[some])
+        own_torques = None if torques is None else torques[some] / keywords["torque_limit"]
+        film(batch, keep, positions[some], velocities[some], own_torques)
     return positions, velocities
 
 
@@ -60,14 +64,22 @@ def started(
     return batch
 
 
-def film(batch: _native.Batch, keep: Array, positions: Array, velocities: Array) -> None:
-    """Fills in the nodes of all rods at the wanted steps."""
-    still = np.zeros((batch.num_envs, 1), np.float32)
+def film(
+    batch: _native.Batch,
+    keep: Array,
+    positions: Array,
+    velocities: Array,
+    actions: Array | None = None,
+) -> None:
+    """Fills in the nodes of all rods at the wanted steps; `actions` are (rods, steps)."""
+    if actions is None:
+        actions = np.zeros((batch.num_envs, int(keep[-1])))
+    actions = actions.astype(np.float32)
     place = {int(step): i for i, step in enumerate(keep)}
     for step in range(int(keep[-1]) + 1):
         if step > 0:
             try:
-                batch.step(still)
+                batch.step(np.ascontiguousarray(actions[:, step - 1 : step]))
             except RodgymError:  # Some rod has failed: the others are of no use without it.
                 return
         if step in place:

@@ -98,15 +98,24 @@ def holdout(search: Search, film: Film, whole: Estimate) -> Holdout:
     found = search.solved(first, whole.x, final=False)
     rest = slice(seen, frames)
 
-    def off(x: Array) -> float:
-        gaps = film.predict(x)[0][rest] - search.tracks.points[rest]
+    def off(model: Array) -> float:
+        gaps = model[rest] - search.tracks.points[rest]
         gaps = gaps[np.isfinite(gaps)]
         # (Outliers are no fault of the model.)
         return 1.4826 * float(np.median(np.abs(gaps)))
 
     guessed = found.x.copy()
     guessed[: len(search.free)] = np.log(search.values)
-    return Holdout(frames - seen, found.sigma, off(found.x), off(guessed))
+    model, slopes = film.predict(found.x)
+    before, _ = film.predict(guessed)
+    expected = foreseen(found, slopes[rest])
+    return Holdout(frames - seen, found.sigma, off(model), off(before), expected)
+
+
+def foreseen(found: Estimate, slopes: Array) -> float:
+    """Deviation that is to be expected of what was not fitted, from its derivatives (..., n)."""
+    variance = np.einsum("...i,ij,...j->...", slopes, found.covariance, slopes)
+    return float(np.sqrt(found.sigma**2 + np.median(variance)))
 
 
 def interval(log: float, deviation: float) -> Interval:

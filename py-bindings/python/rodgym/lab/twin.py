@@ -10,7 +10,7 @@ from typing import Any
 
 from rodgym._checks import refused
 from rodgym.lab.errors import RecordingError
-from rodgym.lab.fin_in_air import FinFit
+from rodgym.lab.fin_result import FinFit
 from rodgym.lab.result import Fit
 
 #: Half of a 95 % interval in deviations.

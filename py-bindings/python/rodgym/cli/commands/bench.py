@@ -1,8 +1,8 @@
 """Measures how fast environments step, beside MuJoCo and other simulators in the same run.
 
-Cases take turns and ratios are taken round by round, so a busy machine disturbs rates more than
-ratios. CPU time is printed beside wall clock. Other simulators are timed where they are installed
-(docs/performance/requirements.txt).
+All cases take turns, and ratios are taken round by round. A busy machine therefore disturbs rates
+more than ratios. The results have CPU time beside wall-clock time. Other simulators take part if
+they are installed (docs/performance/requirements.txt).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from rodgym.cli.arguments import add_run
 if TYPE_CHECKING:
     from rodgym.runs import Run
 
-SUMMARY = "measure speed, beside other simulators where installed"
+SUMMARY = "measure speed, also of other simulators that are installed"
 EXAMPLES = """
 rodgym bench --quick
 rodgym bench --name laptop

@@ -1,4 +1,4 @@
-"""Plays the best known actions of our own tasks again: do they return what is kept?"""
+"""Replays the best known actions of rodgym's tasks and checks that they return what they should."""
 
 from __future__ import annotations
 

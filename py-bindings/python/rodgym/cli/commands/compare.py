@@ -1,6 +1,6 @@
-"""Trains an agent, plays it and the classical controllers on the same seeds, and writes a report.
+"""Trains an agent, lets it and classical controllers play the same seeds, and writes a report.
 
-With --policy nothing is trained: the given policies are compared.
+With --policy it trains nothing and compares the given policies.
 """
 
 from __future__ import annotations
@@ -58,8 +58,8 @@ def add_arguments(parser: argparse.ArgumentParser, **run: str) -> None:
         type=some_names,
         metavar="FILE,...",
         help="policies to compare instead of training one: files, 'zoo' for the one that comes "
-        "with rodgym, controllers, classes of yours: mine.py:Class, or the folder of several "
-        "trainings (rodgym train --train-seeds), which is one row",
+        "with rodgym, controllers, classes of yours (mine.py:Class), or the folder of several "
+        "trainings (rodgym train --train-seeds), which become one row",
     )
     add_band(parser)
     add_designs(parser)
@@ -69,8 +69,8 @@ def add_arguments(parser: argparse.ArgumentParser, **run: str) -> None:
     parser.add_argument(
         "--robustness",
         action="store_true",
-        help="also measure how much may go wrong before each fails, as 'rodgym robustness' does, "
-        "and show it in the report (minutes)",
+        help="also measure how much may go wrong before each policy fails, as 'rodgym robustness' "
+        "does, and show it in the report; takes minutes",
     )
     add_training(parser)
     add_run(parser, **run)

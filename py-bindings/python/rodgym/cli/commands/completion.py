@@ -1,13 +1,15 @@
 """Prints a script that completes commands, options and names in your shell.
 
-Put its output where your shell reads it at the start; the examples do that for the present shell.
+`eval "$(rodgym completion bash)"` switches completion on in a Bash that is open. To keep it, put
+that line into the file that your shell reads when it starts, such as ~/.bashrc. The script for
+another shell begins with the line for that shell.
 """
 
 from __future__ import annotations
 
 import argparse
 
-SUMMARY = "completion of commands, options and names for bash, zsh or fish"
+SUMMARY = "print a script that completes commands and options in your shell"
 EXAMPLES = """
 rodgym completion bash
 rodgym completion zsh
@@ -46,12 +48,12 @@ POLICIES = {"evaluate", "render", "robustness", "--policy", "--controller"}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("shell", nargs="?", choices=tuple(SCRIPTS), help="prints its script")
+    parser.add_argument("shell", nargs="?", choices=tuple(SCRIPTS), help="the shell")
     parser.add_argument(
         "--words",
         nargs=argparse.REMAINDER,
         metavar="WORD",
-        help="what the scripts ask: prints what may follow these words, a line each",
+        help="for the scripts: print what may follow these words, one a line",
     )
 
 

@@ -1,7 +1,7 @@
 """The tour: from nothing to a report in a few minutes.
 
-Trains PPO three times, with other seeds, to swing up the flexible pendulum, plays the agents and
-the LQR on the same 100 seeds, and writes runs/demo/report.html.
+Trains PPO three times with different seeds to swing up the flexible pendulum, lets the agents and
+the LQR play the same 100 seeds, and writes runs/demo/report.html.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import argparse
 
 from rodgym.cli.commands import compare
 
-SUMMARY = "the tour: train agents, compare them with the LQR, write a report"
+SUMMARY = "take the tour: train agents, compare them with the LQR, write a report"
 #: Training seeds of the tour: enough to see that they differ.
 SEEDS = range(3)
 EXAMPLES = """

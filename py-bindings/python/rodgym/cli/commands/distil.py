@@ -1,7 +1,8 @@
-"""Teaches a student that sees less what a controller or policy that sees everything does.
+"""Teaches a student, which sees less, to act like a teacher, which sees everything.
 
-Rounds of DAgger: the student drives, the teacher says what it would have done, the student learns
-that. Ctrl-C keeps the best round, and --resume goes on after the last whole one.
+The method is DAgger. In each round the student drives, the teacher says what it would have done,
+and the student learns that. Ctrl-C ends the teaching and keeps the student of the best round;
+--resume continues after the last whole round.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from rodgym.cli.arguments import (
 if TYPE_CHECKING:
     from rodgym.runs import Run
 
-SUMMARY = "teach a student what a controller does that sees more"
+SUMMARY = "teach a student to act like a controller that sees more"
 EXAMPLES = """
 rodgym distil
 rodgym distil --recipe unknown-e --seed 3 --name soft-or-stiff
@@ -37,7 +38,9 @@ ENV = "rodgym/PendulumSwingUpBase-v0"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_env(parser, default=ENV)
     parser.add_argument(
-        "--teacher", metavar="POLICY", help="a controller, 'zoo' or a file (default: the recipe's)"
+        "--teacher",
+        metavar="POLICY",
+        help="a controller, 'zoo' or a policy's file (default: the recipe's)",
     )
     parser.add_argument(
         "--recipe",
@@ -50,10 +53,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--fine-tune",
         choices=["ppo"],
-        help="go on from the student by PPO, in a run of the same name and -ppo",
+        help="then improve the student by PPO, in a run of the same name with -ppo added",
     )
     parser.add_argument(
-        "--from", dest="student", metavar="POLICY", help="fine-tune this student; none is taught"
+        "--from",
+        dest="student",
+        metavar="POLICY",
+        help="fine-tune this student instead of teaching one",
     )
     parser.add_argument(
         "--steps", type=positive, metavar="N", help="environment steps of PPO (default 1e6)"
@@ -68,14 +74,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         dest="changes",
         metavar="NAME=VALUE",
-        help="changes a value of the recipe, such as frames=40; may be repeated",
+        help="change a value of the recipe, such as frames=40; may be repeated",
     )
     how = parser.add_mutually_exclusive_group()
     how.add_argument(
         "--force", action="store_true", help="replace the policy of an earlier run of this name"
     )
     how.add_argument(
-        "--resume", action="store_true", help="go on with the interrupted run of this name"
+        "--resume", action="store_true", help="continue the interrupted run of this name"
     )
     add_run(parser)
 

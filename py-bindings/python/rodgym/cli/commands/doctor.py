@@ -1,4 +1,4 @@
-"""Says what rodgym finds on this machine: what a report of a problem needs, and what to change."""
+"""Shows what rodgym finds on this machine, for reports of problems, and what would be faster."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import platform
 import sys
 from importlib import metadata
 
-SUMMARY = "versions, processor, threads and extras, and what would be quicker"
+SUMMARY = "show versions, processor, threads, extras, and what would be faster"
 EXAMPLES = """
 rodgym doctor
 rodgym doctor --speed

@@ -31,9 +31,9 @@ rodgym evaluate lqr --env-arg "randomize={'width':(0.006,0.009)}" --design nomin
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "policy",
-        help="a trained policy's file or run folder (or that of several trainings, which are one "
-        "row), 'zoo' for the one that comes with rodgym, a controller such as lqr ('rodgym list' "
-        "names them), or a class of yours: mine.py:Class",
+        help="a trained policy's file or run folder (that of several trainings becomes one row), "
+        "'zoo' for the policy that comes with rodgym, a controller such as lqr ('rodgym list' "
+        "names them), or a class of yours (mine.py:Class)",
     )
     add_env(parser, default=None)
     add_band(parser)

@@ -1,6 +1,6 @@
-"""Writes a trained policy, with all that it does before its network, as one ONNX file.
+"""Writes a trained policy as one ONNX file, with everything that it does before its network.
 
-Beside it lies a JSON file that says what goes in and comes out: order, units, period.
+A JSON file beside it says what goes in and what comes out: order, units, period.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out",
         type=Path,
         metavar="FILE",
-        help="file to write, *.onnx (default: policy.onnx beside the policy; of the zoo's, here)",
+        help="file to write, *.onnx (default: policy.onnx beside the policy; for 'zoo' in this "
+        "folder)",
     )
 
 

@@ -12,7 +12,7 @@ from rodgym.cli.arguments import UsageError, env_id
 #: Parts of a space.
 SPACE = ("low", "high", "names")
 
-SUMMARY = "the environments, or everything about one: reward, observation, keywords, accuracy"
+SUMMARY = "show the environments, or everything about one: reward, keywords, accuracy"
 EXAMPLES = """
 rodgym list
 rodgym list PendulumSwingUp

@@ -1,6 +1,6 @@
 """Searches for the actions that earn the most in one episode, and keeps them.
 
-What is found is a local optimum: the best that was found, and no bound.
+The result is a local optimum: the best that the search found. Better actions may exist.
 """
 
 from __future__ import annotations

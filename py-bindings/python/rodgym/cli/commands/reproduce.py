@@ -1,4 +1,4 @@
-"""Computes results of the thesis anew and sets each claim beside what is found: tables, figures and
+"""Computes results of the thesis again and compares each claim with them, in tables, figures and
 one HTML report.
 """
 
@@ -8,7 +8,7 @@ import argparse
 
 from rodgym.cli.arguments import add_run
 
-SUMMARY = "compute a chapter of the thesis anew"
+SUMMARY = "compute the results of a chapter of the thesis again"
 EXAMPLES = """
 rodgym reproduce chapter3
 rodgym reproduce chapter4 --name thesis4

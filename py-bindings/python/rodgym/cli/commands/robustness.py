@@ -1,10 +1,10 @@
 """Plays policies while one quantity at a time leaves its nominal value: the rod, its sensors, its
 motor, a push. The score of a quantity is the share of episodes that succeed over all its values.
 
-Controllers are designed for the nominal machine and are told of nothing else. A policy plays in
-the environment that it is at home in (that of its training; 'lqg' where the base alone is seen),
-unless --env or POLICY@ENVIRONMENT says otherwise. A measurement that was stopped goes on where it
-was: run the same command again.
+Controllers are designed for the nominal machine, and nobody tells them that it has changed. A
+policy plays in the environment that it was trained in; 'lqg' plays where only the base is seen.
+--env or POLICY@ENVIRONMENT chooses another. If you stop a measurement, the same command
+continues it.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-SUMMARY = "environments for other processes and machines"
+SUMMARY = "run a server: environments for other processes and machines"
 EXAMPLES = """
 rodgym serve
 rodgym serve keygen server-keys

@@ -1,7 +1,7 @@
-"""Runs a grid of cases, keeps what is finished, and draws the table.
+"""Plays all combinations of some settings, keeps finished ones, and draws the table.
 
-Give a study of your own as a YAML file, or one of ours by name. A study that was stopped goes on
-where it was: run the same command again.
+Give the YAML file of a study of your own, or the name of one that comes with rodgym. If you stop a
+study, the same command continues it.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--rod",
         type=rod_file,
         metavar="FILE",
-        help="rod.yml of 'rodgym fit': the environments of all cases get that rod; what the study "
-        "says comes on top",
+        help="rod.yml of 'rodgym fit': the environments of all cases get that rod; keywords of the "
+        "study override it",
     )
     parser.add_argument(
         "--workers",
@@ -41,8 +41,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--ray",
         default=None,
         metavar="ADDRESS",
-        help="run on a Ray cluster: local starts one here, auto, HOST:6379 or ray://HOST:10001 "
-        "join one (docs/ray.md)",
+        help="run on a Ray cluster: 'local' starts one on this machine; 'auto', HOST:6379 and "
+        "ray://HOST:10001 join one (docs/ray.md)",
     )
     parser.add_argument("--name", default=None, help="name of the run (default: study-NAME)")
     parser.add_argument(

@@ -1,5 +1,5 @@
-"""Tracks the markers of a film: calibrates the camera with a checkerboard and writes a table of
-places in metres, which `rodgym fit` reads.
+"""Tracks the markers in a film: calibrates the camera with a checkerboard and writes a table of
+their positions in metres, which `rodgym fit` reads.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import Any
 
 from rodgym.cli.arguments import UsageError
 
-SUMMARY = "find the markers of a film, in metres"
+SUMMARY = "find the markers in a film, in metres"
 EXAMPLES = """
 rodgym track film.mp4 --board 10x7:7.34mm
 rodgym track swing.mp4 --board 10x7:7.34mm --calibration board.mp4 --plane plane.png
@@ -22,8 +22,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "film",
         type=Path,
-        help="a film that OpenCV reads; it begins with the board from many sides, then still on "
-        "the plane of motion, unless --calibration and --plane are given",
+        help="a film that OpenCV reads; it begins with the board seen from many sides, then lying "
+        "still in the plane of motion, unless --calibration and --plane are given",
     )
     parser.add_argument(
         "--board",
@@ -40,7 +40,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="pictures, folders or films of the board from many sides",
     )
     parser.add_argument(
-        "--camera", type=Path, metavar="FILE", help="camera.yml of an earlier run: no calibration"
+        "--camera",
+        type=Path,
+        metavar="FILE",
+        help="camera.yml of an earlier run, instead of a calibration",
     )
     parser.add_argument(
         "--plane",
@@ -48,7 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         default=[],
         metavar="PATH",
-        help="pictures of the board on the plane of motion, in one or several places",
+        help="pictures of the board in the plane of motion, in one or several places",
     )
     for name, text in (
         ("start", "when the recording begins in the film [s] (default: when the board is gone)"),

@@ -1,5 +1,7 @@
-"""Trains an agent with Stable-Baselines3 on the native batch. Ctrl-C keeps what it has learnt;
---resume goes on, also after a kill, and ends as if nothing had happened.
+"""Trains an agent with Stable-Baselines3 on the native batch.
+
+Ctrl-C ends the training and keeps what the agent has learnt. --resume continues it, also after a
+kill, and gives the same agent as a training that was not interrupted.
 """
 
 from __future__ import annotations
@@ -48,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--resume",
         action="store_true",
-        help="go on with the training of this name that was interrupted or killed",
+        help="continue the training of this name that was interrupted or killed",
     )
     parser.add_argument(
         "--tensorboard",
@@ -80,14 +82,14 @@ def add_training(parser: argparse.ArgumentParser) -> None:
         "--train-seeds",
         type=seeds,
         metavar="N|FIRST:END",
-        help="train once a seed, each in a folder of its own; what is there already is kept, "
-        "what was interrupted goes on",
+        help="train once with each of these seeds, in a folder each; finished trainings are kept, "
+        "and interrupted ones continue",
     )
     parser.add_argument(
         "--recipe",
         type=Path,
         metavar="FILE",
-        help="YAML of recipes, as rl-baselines3-zoo has them (default: those of rodgym)",
+        help="YAML file of recipes in the format of rl-baselines3-zoo (default: rodgym's)",
     )
     parser.add_argument(
         "--set",
@@ -96,7 +98,7 @@ def add_training(parser: argparse.ArgumentParser) -> None:
         default=[],
         dest="changes",
         metavar="NAME=VALUE",
-        help="changes a value of the recipe, such as n_envs=128; may be repeated",
+        help="change a value of the recipe, such as n_envs=128; may be repeated",
     )
     add_force(parser)
 

@@ -1,5 +1,6 @@
-"""Searches for better hyperparameters of a recipe with Optuna; ended, it goes on when it is called
-again.
+"""Searches for better hyperparameters of a recipe with Optuna.
+
+If you stop a search, the same command continues it.
 """
 
 from __future__ import annotations
@@ -19,7 +20,9 @@ rodgym tune --space mine.yml --set n_envs=256
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_env(parser)
-    parser.add_argument("--algorithm", metavar="NAME", default="PPO", help="default PPO")
+    parser.add_argument(
+        "--algorithm", metavar="NAME", default="PPO", help="learning algorithm (default PPO)"
+    )
     parser.add_argument(
         "--trials", type=positive, default=30, metavar="N", help="trials in all (default 30)"
     )
@@ -33,7 +36,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--steps", type=positive, metavar="N", help="environment steps (default: the recipe's)"
     )
-    parser.add_argument("--recipe", type=Path, metavar="FILE", help="YAML of recipes to begin with")
+    parser.add_argument(
+        "--recipe", type=Path, metavar="FILE", help="YAML file of recipes to begin with"
+    )
     parser.add_argument(
         "--set",
         type=key_value,
@@ -41,14 +46,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         dest="changes",
         metavar="NAME=VALUE",
-        help="changes a value of the recipe to begin with; may be repeated",
+        help="change a value of the recipe to begin with; may be repeated",
     )
     parser.add_argument(
         "--space",
         type=Path,
         metavar="FILE",
-        help="YAML of what is searched: a list of choices, or {low: , high: , log: true}, by "
-        "hyperparameter (default: one for the algorithm's kind)",
+        help="YAML file that says what to search: for each hyperparameter a list of choices, or "
+        "{low: , high: , log: true} (default: a space for the algorithm's kind)",
     )
     add_run(parser)
 

@@ -59,6 +59,7 @@ class Tracking:
                 "reprojection_error": self.plane.error,
             },
             "first_frame": self.first,
+            "rate": 1 / self.tracks.frame_time,
             "markers": self.tracks.markers,
             "notes": list(self.tracks.notes),
         }

@@ -3,23 +3,24 @@
 //! Every call makes its result arrays, hands their memory to Rust, and releases the GIL while Rust fills
 //! them. Nothing is copied afterwards, nothing is shared between calls.
 
-use crate::arguments::{Actions, bytes, count, names, read_options, read_seeds, repr};
-use crate::arrays::{self, writable};
+mod running;
+
+use crate::arguments::{Actions, bytes, count, read_options, read_seeds, repr};
+use crate::arrays;
 use crate::convert::{points, serialize, to_map};
 use crate::errors::{OrRaise, raise, to_py};
-use crate::interrupt::watched;
 use crate::lock::Lock;
 use crate::render::Gallery;
-use crate::sim::{Simulation, named};
-use numpy::{Ix1, PyArray1, PyArray3, PyArrayDyn, PyArrayMethods};
+use crate::sim::Simulation;
+use numpy::{Ix1, PyArray1, PyArray3, PyArrayMethods};
 use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList, PyTuple};
 use rodgym_caught::caught;
+use rodgym_core::Error;
 use rodgym_core::catalog::{self, MakeOptions};
-use rodgym_core::env::{AutoresetMode, Scene, Settings, Spec, StepBuffer, StepData, VectorEnv};
-use rodgym_core::results::Widths;
-use rodgym_core::{Error, step_fields};
+use rodgym_core::env::{AutoresetMode, Scene, Settings, Spec, StepBuffer};
+use running::{Inner, derive, fill, step, table};
 use serde_json::Value;
 use std::sync::MutexGuard;
 
@@ -51,14 +52,6 @@ pub struct Batch {
     gallery: Gallery,
     spec: Spec,
     options: MakeOptions,
-}
-
-pub(crate) struct Inner {
-    pub(crate) env: Box<dyn VectorEnv>,
-    /// Actions of the step being taken: the caller's array is not read once the GIL is released.
-    actions: Vec<f32>,
-    /// Results of the one environment of mode Single; empty otherwise.
-    buffer: StepBuffer,
 }
 
 /// A point (x, y) for each node of each environment.
@@ -161,7 +154,7 @@ impl Batch {
         let mask = mask.map(|mask| arrays::read::<bool, Ix1>("mask", mask)).transpose()?;
         let mask = mask.map(|mask| mask.as_array().to_vec());
         let guard = self.lock(py)?;
-        self.fill(py, guard, out, |inner, data| {
+        fill(py, guard, out, |inner, data| {
             py.detach(|| inner.env.reset(&seeds, mask.as_deref(), &options, data)).or_raise()
         })
     }
@@ -180,7 +173,7 @@ impl Batch {
         actions.copy_to(&mut guard.actions);
         // (`out` may be the same memory.)
         drop(actions);
-        self.fill(py, guard, out, |Inner { env, actions, .. }, data| {
+        fill(py, guard, out, |Inner { env, actions, .. }, data| {
             step(py, env.as_mut(), actions, data)
         })
     }
@@ -351,13 +344,11 @@ impl Batch {
         action: &Bound<'py, PyAny>,
         parameters: &Bound<'py, PyAny>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let parameters = names(parameters)?;
-        let given = Actions::read(action, &[self.spec.action.size()])?;
-        let mut action = vec![0.0; self.spec.action.size()];
-        given.copy_to(&mut action);
+        let shape = [self.spec.action.size()];
         let mut guard = self.lock(py)?;
-        let env = &mut guard.env;
-        named(py, py.detach(move || env.step_jacobian(index, &action, &parameters)).or_raise()?)
+        derive(py, guard.env.as_mut(), (action, &shape), parameters, |env, action, parameters| {
+            env.step_jacobian(index, action, parameters)
+        })
     }
 
     /// Gradients of the sum of rewards that environment `index` would get for `actions` (t, a): by `actions` (t, a),
@@ -369,15 +360,12 @@ impl Batch {
         actions: &Bound<'py, PyAny>,
         parameters: &Bound<'py, PyAny>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let parameters = names(parameters)?;
         // (What has no length has another shape than any that is right.)
-        let steps = actions.len().unwrap_or(0);
-        let given = Actions::read(actions, &[steps, self.spec.action.size()])?;
-        let mut actions = vec![0.0; steps * self.spec.action.size()];
-        given.copy_to(&mut actions);
+        let shape = [actions.len().unwrap_or(0), self.spec.action.size()];
         let mut guard = self.lock(py)?;
-        let env = &mut guard.env;
-        named(py, py.detach(move || env.rollout_gradient(index, &actions, &parameters)).or_raise()?)
+        derive(py, guard.env.as_mut(), (actions, &shape), parameters, |env, actions, parameters| {
+            env.rollout_gradient(index, actions, parameters)
+        })
     }
 
     /// `step_jacobian` of every environment under its own row of `actions` (n, a), over threads: the same arrays with a
@@ -388,14 +376,11 @@ impl Batch {
         actions: &Bound<'py, PyAny>,
         parameters: &Bound<'py, PyAny>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let parameters = names(parameters)?;
+        let shape = [self.options.num_envs, self.spec.action.size()];
         let mut guard = self.lock(py)?;
-        let env = &mut guard.env;
-        let shape = [env.num_envs(), self.spec.action.size()];
-        let given = Actions::read(actions, &shape)?;
-        let mut actions = vec![0.0; shape.iter().product()];
-        given.copy_to(&mut actions);
-        named(py, py.detach(move || env.step_jacobians(&actions, &parameters)).or_raise()?)
+        derive(py, guard.env.as_mut(), (actions, &shape), parameters, |env, actions, parameters| {
+            env.step_jacobians(actions, parameters)
+        })
     }
 
     /// `rollout_gradient` of every environment for its own `actions` (n, t, a), over threads: the same arrays with a
@@ -406,16 +391,13 @@ impl Batch {
         actions: &Bound<'py, PyAny>,
         parameters: &Bound<'py, PyAny>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let parameters = names(parameters)?;
-        let mut guard = self.lock(py)?;
-        let env = &mut guard.env;
         // (What has no second axis has another shape than any that is right.)
         let steps = actions.get_item(0).and_then(|row| row.len()).unwrap_or(0);
-        let shape = [env.num_envs(), steps, self.spec.action.size()];
-        let given = Actions::read(actions, &shape)?;
-        let mut actions = vec![0.0; shape.iter().product()];
-        given.copy_to(&mut actions);
-        named(py, py.detach(move || env.rollout_gradients(&actions, &parameters)).or_raise()?)
+        let shape = [self.options.num_envs, steps, self.spec.action.size()];
+        let mut guard = self.lock(py)?;
+        derive(py, guard.env.as_mut(), (actions, &shape), parameters, |env, actions, parameters| {
+            env.rollout_gradients(actions, parameters)
+        })
     }
 
     /// An exact copy of what runs in environment `index`: stepping it leaves the environment alone.
@@ -483,87 +465,4 @@ impl Batch {
     pub(crate) fn lock(&self, py: Python<'_>) -> PyResult<MutexGuard<'_, Inner>> {
         self.inner.lock(py)
     }
-
-    /// Makes result arrays and lets `call` fill them; what it has written into `out` is undone where it fails.
-    fn fill<'py>(
-        &self,
-        py: Python<'py>,
-        mut guard: MutexGuard<'_, Inner>,
-        out: Option<&Bound<'py, PyAny>>,
-        call: impl FnOnce(&mut Inner, StepData<'_>) -> PyResult<()>,
-    ) -> PyResult<Bound<'py, PyTuple>> {
-        let n = self.options.num_envs;
-        let widths = Widths::of(&self.spec);
-        let mut out = out.map(|out| writable("out", out, &[n, widths.observation])).transpose()?;
-        macro_rules! shape {
-            (one) => {
-                vec![n]
-            };
-            ($width:ident) => {
-                vec![n, widths.$width]
-            };
-        }
-        // An array for every field; the observation may go where the caller wants it.
-        let taken = out.is_some();
-        macro_rules! fill {
-            ($($(#[$doc:meta])* $field:ident: $element:ty, $width:ident;)*) => {{
-                $(let mut $field =
-                    PyArrayDyn::<$element>::zeros(py, shape!($width), false).readwrite();)*
-                let mut data = StepData { $($field: $field.as_slice_mut()?,)* };
-                if let Some(given) = &mut out {
-                    data.observation = given.as_slice_mut()?;
-                }
-                let long = guard.env.long_step().is_some();
-                let before = (long && taken).then(|| data.observation.to_vec());
-                let called = call(&mut guard, data);
-                drop(guard);
-                if let (Err(_), Some(given), Some(before)) = (&called, &mut out, before) {
-                    given.as_slice_mut()?.copy_from_slice(&before);
-                }
-                called?;
-                [$($field.as_any().clone()),*]
-            }};
-        }
-        let mut result = step_fields!(fill);
-        if let Some(given) = &out {
-            result[0] = given.as_any().clone();
-        }
-        PyTuple::new(py, result)
-    }
-}
-
-/// One control step without the GIL. Ctrl-C ends one that takes long, and then it was not made.
-fn step(
-    py: Python<'_>,
-    env: &mut dyn VectorEnv,
-    actions: &[f32],
-    data: StepData<'_>,
-) -> PyResult<()> {
-    let Some(env) = env.long_step() else {
-        return py.detach(|| env.step(actions, data)).or_raise();
-    };
-    let long = &mut *env;
-    let (stepped, interrupt) = watched(py, move |stop| {
-        let before = long.save();
-        (long.step_unless(actions, data, stop), before)
-    });
-    let (stepped, before) = stepped;
-    if let Some(interrupt) = interrupt {
-        py.detach(|| env.restore(before));
-        return Err(interrupt);
-    }
-    stepped.or_raise()
-}
-
-/// Names and values as a dictionary.
-fn table<'py>(
-    py: Python<'py>,
-    names: impl Iterator<Item = &'static str>,
-    values: &[f64],
-) -> PyResult<Bound<'py, PyDict>> {
-    let dict = PyDict::new(py);
-    for (name, value) in names.zip(values) {
-        dict.set_item(name, value)?;
-    }
-    Ok(dict)
 }
