@@ -1,6 +1,9 @@
-"""rodgym's environments for LeRobot's EnvHub: `make_env("OWNER/rodgym", trust_remote_code=True)`.
+"""rodgym's environments for LeRobot's EnvHub.
 
-Needs `pip install rodgym`. Set RODGYM_TASK for one task instead of all.
+Put this file into a repository OWNER/rodgym of the Hugging Face Hub, where OWNER is your name
+there. Nothing in the file must be replaced. Users then call `make_env("OWNER/rodgym",
+trust_remote_code=True)`; they need `pip install rodgym`. RODGYM_TASK chooses one task instead of
+all.
 """
 
 from __future__ import annotations

@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import re
 import shlex
+import sys
 import unicodedata
 from pathlib import Path
 
@@ -30,7 +31,9 @@ MINE = """\
 import gymnasium as gym
 class Policy: ...
 class Bang: ...
-gym.register("Mine/SwingUp-v0", entry_point="rodgym.envs:PendulumEnv")
+for name in ("Mine/SwingUp-v0", "Mine/Spin-v0"):
+    gym.registry.pop(name, None)  # A page's own code may have it already.
+    gym.register(name, entry_point="rodgym.envs:PendulumEnv")
 """
 #: A fit's file, for commands that read one.
 ROD = """\
@@ -119,6 +122,7 @@ def test_every_command_is_one_that_the_program_takes(page, tmp_path, monkeypatch
     monkeypatch.chdir(tmp_path)
     # Files of the reader's that commands name: a module with policies, the fit of a film.
     (tmp_path / "mine.py").write_text(MINE)
+    monkeypatch.delitem(sys.modules, "mine", raising=False)  # That of another page.
     (tmp_path / "fit").mkdir()
     (tmp_path / "fit" / "rod.yml").write_text(ROD)
     parser = build_parser()
