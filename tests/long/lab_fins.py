@@ -120,7 +120,7 @@ def fitted(name: str, seed: int) -> list[dict[str, object]]:
 def section(name: str, lines: list[dict[str, str]]) -> list[str]:
     """What came out of a kind of recordings."""
     case, count = CASES[name], len({line["seed"] for line in lines})
-    text = [f"## fin in {name}", "", f"A fin {case.title}: {count} fins."]
+    text = [f"## fin in {name}", "", f"A fin {case.title}. Number of fins: {count}."]
     if count < case.films:
         text[-1] += f" (`make lab` goes on to {case.films}.)"
     if refused := [line["refused"] for line in lines if line["refused"]]:
