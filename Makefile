@@ -152,7 +152,7 @@ controllers: extension ## long: every claim of the controllers on 100 seeds, wri
 	$(BIN)/python tests/long/controllers.py
 
 .PHONY: lab
-lab: extension ## long: fits of 1300 synthetic films, writes docs/lab-proofs.md; goes on where it was stopped
+lab: extension ## long: fits of 1300 synthetic films and 120 fins, writes docs/lab-proofs.md; goes on where it was stopped
 	OMP_NUM_THREADS=1 $(BIN)/python tests/long/lab.py
 
 .PHONY: unknown-rods

@@ -8,6 +8,11 @@ pub fn group_count(count: usize) -> usize {
     count.div_ceil(DIRECTIONS)
 }
 
+/// Whether a group has any of `count` directions from `first` on.
+pub fn has_any(group: usize, first: usize, count: usize) -> bool {
+    first < (group + 1) * DIRECTIONS && group * DIRECTIONS < first + count
+}
+
 /// The numbers `values`, of which the direction `first + i` is that of the i-th, as a group of directions has them.
 pub fn seeded(values: &[f64], first: usize, group: usize) -> Vec<Dual> {
     let seed = |(i, &value): (usize, &f64)| match (first + i).checked_sub(group * DIRECTIONS) {

@@ -130,11 +130,17 @@ impl Named {
     /// each.
     pub fn slopes(name: &'static str, numbers: &[&[Dual]], first: usize, count: usize) -> Self {
         let rows = numbers[0].len();
-        let entry = |i: usize| {
-            let (row, direction) = (i / count, first + i % count);
-            numbers[direction / DIRECTIONS][row].slopes[direction % DIRECTIONS]
-        };
-        let values = (0..rows * count).map(entry).collect();
+        let mut values = Vec::with_capacity(rows * count);
+        for row in 0..rows {
+            let mut from = first;
+            while from < first + count {
+                let (group, direction) = (from / DIRECTIONS, from % DIRECTIONS);
+                let size = (first + count - from).min(DIRECTIONS - direction);
+                let slopes = &numbers[group][row].slopes[direction..direction + size];
+                values.extend_from_slice(slopes);
+                from += size;
+            }
+        }
         Named { name, shape: vec![rows, count], values }
     }
 

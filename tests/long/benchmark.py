@@ -2,7 +2,7 @@
 
 Each plays the seeds 0 to 99 in the three bands, and its robustness is measured. Trainings are those
 of the recipes that come with rodgym, on seeds that were not used to find them. Writes the tables of
-docs/benchmark.md. What was stopped goes on where it was (runs/benchmark*).
+docs/benchmark.md, a task at a time. What was stopped goes on where it was (runs/benchmark*).
 """
 
 from __future__ import annotations
@@ -23,9 +23,8 @@ from rodgym.cli.entrants import title
 from rodgym.errors import RodgymError
 from rodgym.evaluation import band_keywords, evaluate, statistics
 from rodgym.evaluation.bands import BANDS
-from rodgym.evaluation.conditions import make_batch, spec_for
+from rodgym.evaluation.conditions import spec_for
 from rodgym.evaluation.design import usual_designs
-from rodgym.evaluation.policies import ready
 from rodgym.robustness import Candidate, measure
 from rodgym.runs import Run
 from rodgym.training import load_recipe, train_seeds
@@ -35,6 +34,8 @@ DOCS = Path(__file__).parents[2] / "docs"
 SEEDS = range(100)
 #: Training seeds: not those with which the recipes were looked for.
 FIRST = 20
+#: A task's part of the page.
+TASK = re.compile(r"### `([^`]+)`\n.*?(?=\n### `|\Z)", flags=re.DOTALL)
 #: Controllers that take too long for the values of robustness.
 SLOW = {"mpc"}
 #: Tasks whose recipe of an algorithm is known to fail; the pages say how.
@@ -56,17 +57,14 @@ def short(env_id: str) -> str:
 
 def controllers(env_id: str) -> list[Entry]:
     """All that can play the environment."""
-    env = make_batch(env_id, 1, {})
+    spec = dict(spec_for(env_id, {}))
     found = []
-    try:
-        for name in CONTROLLERS:
-            try:
-                ready(name, env, env_id, None, None)
-            except RodgymError:
-                continue
-            found.append(Entry(title(name), (name,)))
-    finally:
-        env.close()
+    for name in CONTROLLERS:
+        try:
+            CONTROLLERS[name](spec)
+        except RodgymError:
+            continue
+        found.append(Entry(title(name), (name,)))
     return found
 
 
@@ -149,7 +147,6 @@ def task(env_id: str, counts: dict[str, int], cells: Cells, seeds: int) -> str:
     """The table of a task."""
     entries = [*shipped(env_id), *trainings(env_id, counts), *controllers(env_id)]
     lines = [
-        f"### `{env_id}`\n",
         "| | " + " | ".join(BANDS) + " | robustness |",
         "|---|" + "---|" * (len(BANDS) + 1),
     ]
@@ -181,29 +178,41 @@ def task(env_id: str, counts: dict[str, int], cells: Cells, seeds: int) -> str:
     return "\n".join(lines)
 
 
+def written(page: str, tables: dict[str, str]) -> str:
+    """The page with new tables in place of a task's earlier one; the tables of other tasks stay."""
+    place = re.compile(r"(<!-- measured -->\n)(.*?)(<!-- end -->)", flags=re.DOTALL)
+    found = place.search(page)
+    assert found is not None, "the page has no place for the tables"
+    kept = {part[1]: part[0].strip() for part in TASK.finditer(found[2])} | tables
+    parts = [kept[env_id] for env_id in rodgym.ENVIRONMENTS if env_id in kept]
+    return place.sub(lambda m: m[1] + "\n" + "\n\n".join(parts) + "\n\n" + m[3], page)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--task", action="append", help="an environment's id (default: all)")
     parser.add_argument("--ppo", type=int, default=10, help="training seeds of PPO (0: none)")
     parser.add_argument("--sac", type=int, default=3, help="training seeds of SAC (0: none)")
     parser.add_argument("--seeds", type=int, default=10, help="episodes a value of robustness")
     args = parser.parse_args()
+    for env_id in args.task or ():
+        if env_id not in rodgym.ENVIRONMENTS:
+            parser.error(f"--task {env_id}: one of {', '.join(rodgym.ENVIRONMENTS)}")
     run = Run("benchmark")
     cells = Cells(run.path / "cells.json")
     counts = {"PPO": args.ppo, "SAC": args.sac}
-    tables = [task(env_id, counts, cells, args.seeds) for env_id in rodgym.ENVIRONMENTS]
     versions = ", ".join(f"{name} {value}" for name, value in run.facts["versions"].items())
-    part = f"Written by `make benchmark` on {run.facts['date']} ({run.facts['machine']}; "
-    part += f"{versions}).\n\n"
-    page = DOCS / "benchmark.md"
-    text, count = re.subn(
-        r"(<!-- measured -->\n).*?(<!-- end -->)",
-        lambda m: f"{m[1]}\n{part}" + "\n\n".join(tables) + f"\n\n{m[2]}",
-        page.read_text(encoding="utf-8"),
-        flags=re.DOTALL,
+    made = (
+        f"Written by `make benchmark` on {run.facts['date']} ({run.facts['machine']}; {versions})"
     )
-    assert count == 1, "the page has no place for the tables"
-    page.write_text(text, encoding="utf-8")
-    print(f"wrote {page}")
+    page = DOCS / "benchmark.md"
+    for env_id in args.task or rodgym.ENVIRONMENTS:
+        table = task(env_id, counts, cells, args.seeds)
+        how = f"{made}, {args.seeds} episodes at each value of robustness."
+        table = f"### `{env_id}`\n\n{how}\n\n{table}"
+        text = written(page.read_text(encoding="utf-8"), {env_id: table})
+        page.write_text(text, encoding="utf-8")
+        print(f"wrote the table of {env_id} to {page}")
 
 
 if __name__ == "__main__":

@@ -1,7 +1,8 @@
 """Promises of `rodgym fit` on synthetic films, and the page of what came out.
 
-Every film is one line of `runs/lab/films.csv`; what is there already is not made again, so that the
-program may be stopped and started. The seeds are apart from those that the fit was tuned with.
+Every film is one line of `runs/lab/films.csv`, every fin some of `fins.csv`; what is there already
+is not made again, so that the program may be stopped and started. The seeds are apart from those
+that the fit was tuned with.
 """
 
 from __future__ import annotations
@@ -10,9 +11,11 @@ import argparse
 import csv
 import datetime
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import lab_fins
 import numpy as np
 from rodgym import lab
 from rodgym.lab.bench import ROD, Bench, Flaws, record
@@ -150,7 +153,7 @@ def section(name: str, lines: list[dict[str, str]]) -> list[str]:
     return [*text, ""]
 
 
-def write_page(lines: list[dict[str, str]]) -> None:
+def write_page(lines: list[dict[str, str]], fins: list[dict[str, str]]) -> None:
     """Writes the page."""
     date = datetime.datetime.now(datetime.timezone.utc).strftime("%Y-%m-%d %H:%M UTC")
     text = [
@@ -164,31 +167,44 @@ def write_page(lines: list[dict[str, str]]) -> None:
     for name in CASES:
         mine = [line for line in lines if line["case"] == name]
         text += section(name, mine) if mine else []
+    for name in lab_fins.CASES:
+        mine = [line for line in fins if line["case"] == name]
+        text += lab_fins.section(name, mine) if mine else []
     PAGE.write_text("\n".join(text), encoding="utf-8")
 
 
 def main() -> None:
     """Makes the films that are missing, then the page."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--cases", nargs="+", choices=CASES, default=list(CASES))
+    every = {**CASES, **lab_fins.CASES}
+    parser.add_argument("--cases", nargs="+", choices=every, default=list(every))
     parser.add_argument("--films", type=int, default=10**9, help="at most so many of each case")
     parser.add_argument("--runs", type=Path, default=ROOT / "runs")
     args = parser.parse_args()
-    path = args.runs / "lab" / "films.csv"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    there = {(line["case"], int(line["seed"])) for line in read(path)}
+    folder = args.runs / "lab"
+    folder.mkdir(parents=True, exist_ok=True)
+    films, fins = folder / "films.csv", folder / "fins.csv"
+    there = {(line["case"], int(line["seed"])) for path in (films, fins) for line in read(path)}
     for name in args.cases:
-        for seed in range(FIRST, FIRST + min(args.films, CASES[name].films)):
+        for seed in range(FIRST, FIRST + min(args.films, every[name].films)):
             if (name, seed) in there:
                 continue
-            line = fitted(name, seed)
-            with path.open("a", encoding="utf-8", newline="") as stream:
-                writer = csv.DictWriter(stream, FIELDS, lineterminator="\n")
-                if stream.tell() == 0:
-                    writer.writeheader()
-                writer.writerow(line)
-            print(line, flush=True)
-    write_page(read(path))
+            if name in CASES:
+                write(films, FIELDS, [fitted(name, seed)])
+            else:
+                write(fins, lab_fins.FIELDS, lab_fins.fitted(name, seed))
+    write_page(read(films), read(fins))
+
+
+def write(path: Path, fields: Sequence[str], lines: Sequence[dict[str, object]]) -> None:
+    """Adds lines to a table."""
+    with path.open("a", encoding="utf-8", newline="") as stream:
+        writer = csv.DictWriter(stream, fields, lineterminator="\n")
+        if stream.tell() == 0:
+            writer.writeheader()
+        writer.writerows(lines)
+    for line in lines:
+        print(line, flush=True)
 
 
 if __name__ == "__main__":

@@ -2,12 +2,13 @@
 
 Three controllers play the same episodes: `lqg` that believes the nominal rod, `lqg-adaptive` that
 is told the nominal rod too, and "informed", an `lqg` that is told each episode's rod. Beside them
-stand, in the maps and in the table of returns, the student `zoo:unknown-e` and the same student
-gone on by PPO ("tuned", made where it is not there yet). A case that was played is kept in the log
-(`--log`); what is there is not played again, and a part of the page of which nothing was played
-stays as it is.
+stand, in the maps, the student `zoo:unknown-e` and the same student gone on by PPO ("tuned", made
+where it is not there yet), and in the table of returns the students of `lqr` and of a policy. A
+case that was played is kept in the log (`--log`); what is there is not played again, and a part of
+the page of which nothing was played stays as it is.
 
-Seeds from 10000 on report; those below were used while the controllers were made.
+Seeds from 10000 on report; those below were used while the controllers were made. Returns are those
+of seeds from 20000 on, since 10000 to 10127 choose among the rounds of a student.
 """
 
 from __future__ import annotations
@@ -33,6 +34,8 @@ from rodgym.machines import spec_of
 from rodgym.runs import Run, provenance
 
 FIRST_SEED = 10_000
+#: Seeds of the table of returns, apart from those of 10000 on that choose among a student's rounds.
+RETURN_SEED = 20_000
 #: The nominal rod's width [m] and modulus [Pa].
 WIDTH, MODULUS = 0.007, 1e7
 MODULI = (7e6, 8e6, 9e6, 1e7, 11e6, 12e6, 13e6, 14e6, 15e6)
@@ -40,8 +43,9 @@ MODULI = (7e6, 8e6, 9e6, 1e7, 11e6, 12e6, 13e6, 14e6, 15e6)
 WIDTHS = (0.0056, 0.006, 0.0063, 0.00665, 0.00735, 0.0077, 0.0084, 0.009)
 LAWS = ("lqg", "lqg-adaptive", "informed")
 #: The student that comes with rodgym, and the one that PPO makes of it.
-STUDENT, TUNED = "student", "tuned"
-STUDENTS = {STUDENT: "zoo:unknown-e"}
+#: The student of a policy, too.
+STUDENT, TUNED, OF_POLICY = "student", "tuned", "student-of-policy"
+STUDENTS = {STUDENT: "zoo:unknown-e", OF_POLICY: "zoo:unknown-e-by-policy"}
 #: Name of the run, steps and seed of the fine-tuning; the seed is that of the student.
 TUNING = ("unknown-e", 500_000, 100)
 HEADS = {
@@ -50,6 +54,7 @@ HEADS = {
     "informed": "informed `lqg`",
     STUDENT: "student",
     TUNED: "fine-tuned student",
+    OF_POLICY: "student of a policy",
 }
 #: Rods of the table of returns [Pa]; the first plays rods that are drawn from all of them.
 RETURN_MODULI = (7e6, 8e6, 1e7, 12e6, 13e6)
@@ -119,6 +124,7 @@ class Case:
     lost: float = 0.0
     laws: tuple[str, ...] = LAWS
     seeds: int | None = None
+    first: int = FIRST_SEED
 
     def play(self, law: str, seeds: Sequence[int]) -> dict[str, Any]:
         """How many of the episodes end upright."""
@@ -272,11 +278,12 @@ def cases() -> Iterator[Case]:
             rod = {"width": WIDTH * width, "youngs_modulus": MODULUS * modulus}
             laws = (*LAWS, STUDENT, TUNED)
             yield Case("map", f"{width:g} x {modulus:g}", {}, rod, laws=laws, seeds=MAP_SEEDS)
-    laws = ("lqg-adaptive", "informed", STUDENT, TUNED)
-    yield Case("return", "E drawn from 7 to 13 MPa", {}, stiff, laws=laws)
+    laws = ("lqg-adaptive", "informed", STUDENT, OF_POLICY)
+    apart: dict[str, Any] = {"laws": laws, "first": RETURN_SEED}
+    yield Case("return", "E drawn from 7 to 13 MPa", {}, stiff, **apart)
     for modulus in RETURN_MODULI:
         rod = {"youngs_modulus": modulus}
-        yield Case("return", f"{modulus / 1e6:g} MPa", {}, rod, laws=laws)
+        yield Case("return", f"{modulus / 1e6:g} MPa", {}, rod, **apart)
 
 
 def play_all(
@@ -292,7 +299,7 @@ def play_all(
         if case.table not in tables:
             continue
         count = case.seeds or seeds
-        first = FIRST_SEED
+        first = case.first
         if isinstance(case, Learned):
             first += count * int(case.what.rpartition(" ")[2])
         for law in case.laws:
@@ -345,9 +352,10 @@ def square(done: Mapping[str, Mapping[str, Any]], law: str) -> str:
 
 
 def returned(done: Mapping[str, Mapping[str, Any]]) -> str:
-    """Mean returns, and by how much the fine-tuned student's differ from `lqg-adaptive`'s."""
-    laws = ("lqg-adaptive", "informed", STUDENT, TUNED)
-    heads = [*(HEADS[law] for law in laws), "fine-tuned over `lqg-adaptive`"]
+    """Mean returns, and by how much those of the students differ from `lqg-adaptive`'s."""
+    laws = ("lqg-adaptive", "informed", STUDENT, OF_POLICY)
+    heads = [HEADS[law] for law in laws]
+    heads += [f"{name} over `lqg-adaptive`" for name in ("student", "student of a policy")]
     lines = ["| rods | " + " | ".join(heads) + " |", "|---" * (len(heads) + 1) + "|"]
     for case in cases():
         rows = {law: done.get(key_of(case, law)) for law in laws}
@@ -359,16 +367,22 @@ def returned(done: Mapping[str, Mapping[str, Any]]) -> str:
             if row is not None and row["upright"] < row["seeds"]:
                 text += f" ({row['upright']} of {row['seeds']} upright)"
             cells.append(text)
-        ours, theirs = rows[TUNED], rows["lqg-adaptive"]
-        if ours and theirs:
-            off = np.subtract(ours["returns"], theirs["returns"])
-            drawn = np.random.default_rng(0).integers(len(off), size=(10_000, len(off)))
-            low, high = np.quantile(off[drawn].mean(1), (0.025, 0.975))
-            cells.append(f"{off.mean():+.2f} ({low:+.2f} to {high:+.2f})")
+        theirs = rows["lqg-adaptive"]
+        cells += [difference(rows[law], theirs) for law in (STUDENT, OF_POLICY)]
         lines.append(f"| {case.what} | " + " | ".join(cells) + " |")
     facts = provenance()
     lines.append(f"\nMeasured on {facts['date']} ({facts['machine']}).")
     return "\n".join(lines)
+
+
+def difference(ours: Mapping[str, Any] | None, theirs: Mapping[str, Any] | None) -> str:
+    """By how much mean returns differ, with the 95 % interval of the bootstrap over episodes."""
+    if ours is None or theirs is None:
+        return ""
+    off = np.subtract(ours["returns"], theirs["returns"])
+    drawn = np.random.default_rng(0).integers(len(off), size=(10_000, len(off)))
+    low, high = np.quantile(off[drawn].mean(1), (0.025, 0.975))
+    return f"{off.mean():+.2f} ({low:+.2f} to {high:+.2f})"
 
 
 def learned(done: Mapping[str, Mapping[str, Any]]) -> str:
@@ -464,7 +478,7 @@ def main() -> int:
     arguments = parser.parse_args()
     arguments.log.parent.mkdir(parents=True, exist_ok=True)
     tables, laws = arguments.tables.split(","), arguments.laws.split(",")
-    if TUNED in laws and {"map", "return"} & set(tables):
+    if TUNED in laws and "map" in tables:
         STUDENTS[TUNED] = tuned(arguments.log.parent)
     done = play_all(arguments.log, arguments.seeds, tables, laws)
     text = arguments.page.read_text(encoding="utf-8")

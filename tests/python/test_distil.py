@@ -252,6 +252,10 @@ def test_recipes() -> None:
         ({"learning_rate": [1e-3]}, "two rates"),
         ({"lost_samples": 1.0}, "lost_samples = 1.0 is not allowed"),
         ({"variants": []}, "variants = "),
+        ({"fine_tune": 3}, "fine_tune = 3 is not allowed: it must be a dictionary"),
+        ({"fine_tune": {"gama": 0.9}}, "'gama' is not in fine_tune: it has steps, "),
+        ({"fine_tune": {"gamma": 2}}, "gamma = 2 is not allowed: it must be a number from 0 to 1"),
+        ({"fine_tune": {"batch_size": 8193}}, "batch_size = 8193 .* from 2 to 8192"),
     ):
         with pytest.raises(RecipeError, match=message):
             Recipe().with_changes(changes)
@@ -279,13 +283,16 @@ def test_ppo_begins_as_the_student_and_keeps_the_best_stage(
 
     monkeypatch.setattr(fine_tune, "VALIDATION_SEEDS", range(10_000, 10_004))
     run = Run("student", tmp_path)
-    made = distil(ENV, run, recipe=TINY, env_kwargs=SHORT, quiet=True)
+    recipe = TINY.with_changes({"fine_tune": {"gamma": 0.98}})
+    made = distil(ENV, run, recipe=recipe, env_kwargs=SHORT, quiet=True)
     words = ["distil", "--fine-tune", "ppo", "--from", str(made.policy), "--steps", "17000"]
     assert main([*words, "--runs", str(tmp_path), "--name", "next"]) == 0
     assert "fine-tuned for 24,576 steps" in capsys.readouterr().out
     policy = load_policy(str(tmp_path / "next-ppo"), gym.make(ENV, **SHORT))
     card = read_card(tmp_path / "next-ppo/policy.zip")
     assert card["student"]["teacher"] == "lqr" and card["env_kwargs"] == SHORT
+    # How PPO goes on stands in the recipe of the student.
+    assert card["recipe"]["gamma"] == card["student"]["recipe"]["fine_tune"]["gamma"] == 0.98
     rows = np.loadtxt(tmp_path / "next-ppo/learning_curve.csv", delimiter=",", skiprows=1)
     student = evaluate(str(made.policy), ENV, fine_tune.VALIDATION_SEEDS, env_kwargs=SHORT).mean(
         "return"

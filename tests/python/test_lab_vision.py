@@ -6,6 +6,8 @@ lengths, distortion and board of its appendix A), with exposure, blur, noise and
 
 from __future__ import annotations
 
+import csv
+
 import numpy as np
 import pytest
 
@@ -92,6 +94,13 @@ def test_a_film_leads_to_the_rod_that_it_shows(film, tracked, tmp_path):
     rod = yaml.safe_load((tmp_path / "fit" / "rod.yml").read_text())
     assert abs(rod["parameters"]["youngs_modulus"]["value"] / ROD["youngs_modulus"] - 1) < 0.01
     assert abs(rod["parameters"]["bending_damping"]["value"] / ROD["bending_damping"] - 1) < 0.2
+    # A controller that knows the fitted rod stands the true one up.
+    words = ["evaluate", "lqg", "--env", "PendulumSwingUpBase", "--seeds", "3", "--name", "true"]
+    words += [f"--env-arg={name}={value}" for name, value in {"nodes": 25, **ROD}.items()]
+    words += [f"--design=youngs_modulus={rod['parameters']['youngs_modulus']['value']}"]
+    assert main([*words, "--runs", str(tmp_path)]) == 0
+    with (tmp_path / "true" / "scores.csv").open() as stream:
+        assert all(float(row["upright"]) > 0.9 for row in csv.DictReader(stream))
     # The report shows the model on the film: its line lies on the white markers.
     assert (tmp_path / "fit" / "report.html").read_text().count("data:image/png") == 4
     sheet = cv2.imread(str(tmp_path / "fit" / "on-film.png")).astype(int)

@@ -6,6 +6,8 @@ computed while it swam, which the tracks do not have.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -13,6 +15,8 @@ pytest.importorskip("scipy")
 
 from rodgym import lab, sim
 from rodgym.errors import ParameterError
+from rodgym.lab.bench import Flaws
+from rodgym.lab.fin_bench import FinBench, record_fin
 
 SECONDS, FREQUENCY, AMPLITUDE, NOISE = 1.6, 1.5, np.radians(8), 2e-4
 
@@ -52,6 +56,27 @@ def test_without_noise_a_short_window_leaves_little(swum):
     times, positions, thrust = swum
     force = lab.fluid_force(lab.Tracks(times, positions), window=0.04)
     assert np.abs(force.thrust - thrust)[20:-20].max() < 0.05 * np.std(thrust)
+
+
+def test_the_thrust_at_the_mount_is_what_a_load_cell_measures_over_the_phase(tmp_path):
+    """The figure of the thesis' 3.11 and 3.13: cell and model on the measured motion."""
+    plots = pytest.importorskip("rodgym.lab.force_figure")
+    bench = FinBench(rate=100.0, parts=1, substeps=4, periods=4.5, flaws=Flaws(noise=1e-4))
+    recording = record_fin(bench, 3)
+    force = lab.fluid_force(recording.tracks, window=0.08)
+    cell, model = plots.thrust_over_phase(recording, force)
+    assert abs(cell.period * bench.frequency - 1) < 3e-3
+    # Twice a beat, and where the pitch goes up through 0 the phase is 0.
+    assert np.sqrt(np.mean((cell.mean - model.mean) ** 2)) < 0.1 * np.std(cell.mean)
+    turn = np.exp(1j * (cell.phase - np.pi / 2))
+    angles = np.angle([np.sum(one.mean * turn**2) for one in (cell, model)])
+    assert abs(angles[0] - angles[1]) < 0.1
+    plots.write_force_figure(tmp_path / "force.png", recording, force)
+    assert (tmp_path / "force.png").stat().st_size > 10_000
+    with pytest.raises(lab.RecordingError, match="no cell"):
+        plots.thrust_over_phase(replace(recording, loads={}), force)
+    with pytest.raises(lab.RecordingError, match="periods"):
+        plots.thrust_over_phase(recording, force, period=2.0)
 
 
 def test_lost_markers_and_markers_between_nodes_are_bridged(swum):

@@ -60,11 +60,11 @@ def test_what_was_not_played_stays_on_the_page():
     row = {"upright": 3, "seeds": 4}
     done = {
         key_of(case, "lqg-adaptive"): {**row, "returns": [470.0, 471.0, 472.0, 473.0]},
-        key_of(case, "tuned"): {**row, "returns": [471.0, 472.0, 473.0, 474.0]},
+        key_of(case, "student-of-policy"): {**row, "returns": [471.0, 472.0, 473.0, 474.0]},
     }
     after = page(done, before)
     rows = [line for line in after.splitlines() if line not in before.splitlines()]
-    cells = "471.5 (3 of 4 upright) |  |  | 472.5 (3 of 4 upright) | +1.00 (+1.00 to +1.00)"
+    cells = "471.5 (3 of 4 upright) |  |  | 472.5 (3 of 4 upright) |  | +1.00 (+1.00 to +1.00)"
     assert f"| {case.what} | {cells} |" in rows
     assert after.partition("<!-- return -->")[0] == before.partition("<!-- return -->")[0]
 

@@ -61,6 +61,11 @@ macro_rules! lanes {
                 out
             }
             #[inline(always)]
+            fn view(&self) -> &[f64; WIDTH] {
+                // SAFETY: the same bytes, no less aligned.
+                unsafe { &*(&raw const self.0).cast() }
+            }
+            #[inline(always)]
             fn numbers(&mut self) -> &mut [f64; WIDTH] {
                 // SAFETY: the same bytes, no less aligned.
                 unsafe { &mut *(&raw mut self.0).cast() }
@@ -149,8 +154,7 @@ macro_rules! lanes {
             }
             #[inline(always)]
             fn get(&self, lane: usize) -> f64 {
-                let mut copy = *self;
-                copy.numbers()[lane]
+                self.view()[lane]
             }
             #[inline(always)]
             fn set(&mut self, lane: usize, x: f64) {

@@ -36,13 +36,11 @@ impl<R: Real> Hook<R> {
             below: [turn(&self.right[0]), turn(&self.right[1])],
         }
     }
-}
 
-impl Hook<f64> {
-    /// The same in every lane.
+    /// That of one lane, the same in every lane of `T`.
     #[inline(always)]
-    pub fn splat<R: Real>(&self) -> Hook<R> {
-        let wide = |a: &Block<f64>| block(|r, c| R::splat(a[r][c]));
+    pub fn of_lane<T: Real>(&self, lane: usize) -> Hook<T> {
+        let wide = |a: &Block<R>| block(|r, c| T::splat(a[r][c].get(lane)));
         Hook {
             diagonal: wide(&self.diagonal),
             right: [wide(&self.right[0]), wide(&self.right[1])],
@@ -55,7 +53,7 @@ impl Hook<f64> {
 #[inline(always)]
 pub fn multiply<R: Real>(hooks: &[Hook<f64>], x: &[Vec2<R>], to: &mut [Vec2<R>]) {
     for i in 0..hooks.len() {
-        let hook = hooks[i].splat::<R>();
+        let hook = hooks[i].of_lane::<R>(0);
         let mut sum = to[i] + apply(&hook.diagonal, x[i]);
         for off in 1..=2 {
             if i + off < hooks.len() {
@@ -70,14 +68,14 @@ pub fn multiply<R: Real>(hooks: &[Hook<f64>], x: &[Vec2<R>], to: &mut [Vec2<R>])
 /// One node's part of that product.
 #[inline(always)]
 pub fn multiply_row<R: Real>(hooks: &[Hook<f64>], node: usize, x: &[Vec2<R>]) -> Vec2<R> {
-    let hook = hooks[node].splat::<R>();
+    let hook = hooks[node].of_lane::<R>(0);
     let mut sum = apply(&hook.diagonal, x[node]);
     for off in 1..=2 {
         if node + off < hooks.len() {
             sum += apply(&hook.right[off - 1], x[node + off]);
         }
         if node >= off {
-            let before = hooks[node - off].splat::<R>();
+            let before = hooks[node - off].of_lane::<R>(0);
             sum += apply(&before.below[off - 1], x[node - off]);
         }
     }
@@ -89,10 +87,10 @@ pub fn multiply_row<R: Real>(hooks: &[Hook<f64>], node: usize, x: &[Vec2<R>]) ->
 pub fn solve<R: Real>(eliminated: &[Hook<f64>], b: &mut [Vec2<R>]) {
     let (mut descent, mut ascent) = (Descent::default(), Ascent::default());
     for (hook, b) in eliminated.iter().zip(b.iter_mut()) {
-        *b = descent.pass(&hook.splat(), *b);
+        *b = descent.pass(&hook.of_lane(0), *b);
     }
     for i in (0..b.len()).rev() {
-        b[i] = ascent.pass(&eliminated[i].splat().right, b[i]);
+        b[i] = ascent.pass(&eliminated[i].of_lane(0).right, b[i]);
     }
 }
 

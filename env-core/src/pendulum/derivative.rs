@@ -9,17 +9,25 @@ use super::plant::Plant;
 use super::sim::BarePendulum;
 use super::vector::{empty, set_vector, size, vector};
 use crate::batch::{Differentiated, Gradient};
-use crate::directions::{check_size, group_count, seeded, seeded_at};
+use crate::directions::{check_size, group_count, has_any, seeded, seeded_at};
 use crate::error::Result;
 use crate::given::place;
 use crate::lane::{DIRECTIONS, Dual, Lanewise, Real};
-use crate::rod::Rod;
-use crate::simulation::{Named, Simulation};
+use crate::rod::{Motion, Rod};
+use crate::simulation::Named;
 use crate::solver::{Carried, Integrator, Phase, Scheme, Tape, carry, pull_back};
 use crate::watch::Watch;
 
 /// Physics steps that a tape of the bare pendulum holds at once.
 const TAPE: usize = 64;
+
+/// A pendulum on its way, apart from what stays.
+#[derive(Clone)]
+struct Course {
+    motion: Motion<f64>,
+    integrator: Integrator<f64>,
+    steps: u64,
+}
 
 impl BarePendulum {
     /// What the next `n` physics steps under a constant torque \[N m\] would be.
@@ -27,21 +35,32 @@ impl BarePendulum {
     /// # Errors
     /// A step that fails in the smallest parts.
     pub fn tape(&self, torque: f64, n: usize) -> Result<Tape> {
-        let mut sim = self.clone();
-        let mut tape = Tape::new(self.nodes());
-        for _ in 0..n {
-            sim.record(torque, Watch::nobody(), &mut tape)?;
-        }
+        let mut tape = Tape::new(self.nodes(), n);
+        self.record(&mut self.course(), torque, n, Watch::nobody(), &mut tape)?;
         Ok(tape)
     }
 
-    /// A physics step, written down.
-    fn record(&mut self, torque: f64, watch: Watch<'_>, tape: &mut Tape) -> Result<()> {
-        let BarePendulum { integrator, rod, motion, .. } = self;
-        if !integrator.record(rod, motion, torque, 1, watch, tape) && !watch.stops() {
-            return Err(self.failed());
+    fn course(&self) -> Course {
+        let BarePendulum { motion, integrator, steps, .. } = self;
+        Course { motion: motion.clone(), integrator: integrator.clone(), steps: *steps }
+    }
+
+    /// `n` physics steps, written down.
+    fn record(
+        &self,
+        course: &mut Course,
+        torque: f64,
+        n: usize,
+        watch: Watch<'_>,
+        tape: &mut Tape,
+    ) -> Result<()> {
+        let Course { motion, integrator, steps } = course;
+        for _ in 0..n {
+            if !integrator.record(&self.rod, motion, torque, 1, watch, tape) && !watch.stops() {
+                return Err(self.failed(*steps));
+            }
+            *steps += 1;
         }
-        self.steps += 1;
         Ok(())
     }
 
@@ -64,36 +83,36 @@ impl BarePendulum {
         let (s, p) = (state.len(), chosen.len());
         let mut groups: Vec<_> = (0..group_count(s + 1 + p))
             .map(|group| {
-                let rod = uniform(nodes, &seeded_at(&self.values, &chosen, s + 1, group)).rod();
+                let rod = has_any(group, s + 1, p)
+                    .then(|| uniform(nodes, &seeded_at(&self.values, &chosen, s + 1, group)).rod());
                 let (mut motion, mut past) = empty(scheme, nodes);
                 set_vector(scheme, &seeded(&state, 0, group), &mut motion, &mut past);
                 (rod, motion, past, seeded(&[torque], s, group)[0])
             })
             .collect();
-        let mut sim = self.clone();
-        let hand = sim.motion.x[1];
-        let mut phases = [Phase { tape: Tape::new(nodes), torque, hand: [hand, hand] }];
+        let mut course = self.course();
+        let hand = course.motion.x[1];
+        let tape = Tape::new(nodes, n.min(TAPE as u64) as usize);
+        let mut phases = [Phase { tape, torque, hand: [hand, hand] }];
         let mut left = n;
         while left > 0 && !watch.stops() {
             let [Phase { tape, hand, .. }] = &mut phases;
             tape.clear();
-            hand[0] = sim.motion.x[1];
+            hand[0] = course.motion.x[1];
             let run = left.min(TAPE as u64);
             left -= run;
-            for _ in 0..run {
-                sim.record(torque, watch, tape)?;
-            }
-            hand[1] = sim.motion.x[1];
+            self.record(&mut course, torque, run as usize, watch, tape)?;
+            hand[1] = course.motion.x[1];
             let mut carried: Vec<_> = groups
                 .iter_mut()
                 .map(|(rod, motion, past, torque)| Carried {
-                    rod,
+                    rod: rod.as_ref(),
                     motion,
                     past,
                     torques: vec![*torque],
                 })
                 .collect();
-            carry(&sim.rod, &phases, &mut carried)?;
+            carry(&self.rod, &phases, &mut carried)?;
         }
         if n > 0 {
             // From now on the step before is known, whatever was.
@@ -132,22 +151,26 @@ impl BarePendulum {
         set_vector(scheme, gradient, &mut motion, &mut past);
         let (mut by_torque, mut by_parameters) = (0.0, vec![0.0; materials.len() * DIRECTIONS]);
         // Where every tape begins.
-        let mut starts = vec![self.clone()];
+        let mut starts = vec![self.course()];
         let tapes = n.div_ceil(TAPE as u64);
         for _ in 1..tapes {
-            let mut sim = starts[starts.len() - 1].clone();
-            Simulation::step(&mut sim, torque, TAPE as u64)?;
-            starts.push(sim);
+            let mut course = starts[starts.len() - 1].clone();
+            let Course { motion, integrator, steps } = &mut course;
+            for _ in 0..TAPE {
+                if !integrator.advance_one(&self.rod, motion, torque, 1) {
+                    return Err(self.failed(*steps));
+                }
+                *steps += 1;
+            }
+            starts.push(course);
         }
         let mut left = n - n.min((tapes.max(1) - 1) * TAPE as u64);
-        for mut sim in starts.into_iter().rev() {
-            let start = sim.motion.x[1];
-            let mut tape = Tape::new(nodes);
-            for _ in 0..left {
-                sim.record(torque, Watch::nobody(), &mut tape)?;
-            }
+        for mut course in starts.into_iter().rev() {
+            let start = course.motion.x[1];
+            let mut tape = Tape::new(nodes, left as usize);
+            self.record(&mut course, torque, left as usize, Watch::nobody(), &mut tape)?;
             left = TAPE as u64;
-            let phases = [Phase { tape, torque, hand: [start, sim.motion.x[1]] }];
+            let phases = [Phase { tape, torque, hand: [start, course.motion.x[1]] }];
             let (torques, sums) =
                 pull_back(&self.rod, &phases, &materials, (&mut motion, &mut past))?;
             by_torque += torques[0];
@@ -283,7 +306,7 @@ pub fn advance(config: &Config, plant: &mut Plant<f64>, told: Told) -> Option<Ve
         if steps == 0 {
             continue;
         }
-        let mut tape = Tape::new(config.nodes);
+        let mut tape = Tape::new(config.nodes, steps);
         let Plant { rod, motion, integrator, torque, .. } = plant;
         let start = motion.x[1];
         if !integrator.record(rod, motion, *torque, steps, Watch::nobody(), &mut tape) {
@@ -320,14 +343,16 @@ pub fn differentiate(
     }
     let mut values = plant.clone();
     let Some(phases) = advance(config, &mut values, told) else { return Ok(None) };
-    let mut carried: Vec<_> =
-        plants
-            .iter_mut()
-            .zip(torques)
-            .map(|(Plant { rod, motion, integrator: Integrator { past, .. }, .. }, torques)| {
-                Carried { rod, motion, past, torques }
-            })
-            .collect();
+    let mut carried: Vec<_> = plants
+        .iter_mut()
+        .zip(torques)
+        .enumerate()
+        .map(|(group, (plant, torques))| {
+            let Plant { rod, motion, integrator: Integrator { past, .. }, .. } = plant;
+            let rod = has_any(group, s + 1, chosen.len()).then_some(&*rod);
+            Carried { rod, motion, past, torques }
+        })
+        .collect();
     carry(&plant.rod, &phases, &mut carried)?;
     for dual in &mut plants {
         let value = &mut |to: &mut Dual, from: &f64| to.value = *from;

@@ -145,17 +145,17 @@ impl BarePendulum {
     fn advance<D: Drive<f64>>(&mut self, drive: &D, n: u64) -> Result<()> {
         for _ in 0..n {
             if !self.integrator.advance(&self.rod, &mut self.motion, drive, 1) {
-                return Err(self.failed());
+                return Err(self.failed(self.steps));
             }
             self.steps += 1;
         }
         Ok(())
     }
 
-    /// The next step fails in its smallest parts.
-    pub(super) fn failed(&self) -> Error {
+    /// The step after so many fails in its smallest parts.
+    pub(super) fn failed(&self, steps: u64) -> Error {
         let reason = "the step did not converge in its smallest parts".into();
-        Error::Solver { time: self.time(), reason }
+        Error::Solver { time: steps as f64 * self.config.physics_dt, reason }
     }
 
     /// See `Integrator::sharpen`.

@@ -5,7 +5,7 @@
 //! edge after it, `down` that of the edge after by this one. Node i lies between edge i-1 and edge i, and its
 //! blocks are sums and differences of theirs.
 
-use super::{Rod, Shape};
+use super::{EdgeSlopes, Rod, Shape};
 use crate::lane::Real;
 use crate::linear::{Banded, Block, Hook, block};
 use crate::vec2::Vec2;
@@ -35,6 +35,7 @@ struct OpenEdge<R> {
     couple: R,
     /// Of the bending forces.
     own: Block<R>,
+    slopes: EdgeSlopes<R>,
 }
 
 impl<R: Real> OpenEdge<R> {
@@ -49,7 +50,8 @@ impl<R: Real> OpenEdge<R> {
         // Second derivative of the angle, -(t n' + n t')/|e|^2, applied to de.
         let turn = -(t.scale(rate) + slope.scale(t.dot(de))).scale(inverse);
         let tension = rod.stretch_rate[k] * length - rod.stretch[k];
-        OpenEdge { t, inverse, tension, slope, rate, turn, ..OpenEdge::default() }
+        let slopes = EdgeSlopes { turn: slope, ..EdgeSlopes::default() };
+        OpenEdge { t, inverse, tension, slope, rate, turn, slopes, ..OpenEdge::default() }
     }
 
     /// Adds the bending between this edge and the one `after` it. Returns `up`, `down` and `1 + cos(phi)`.
@@ -68,12 +70,15 @@ impl<R: Real> OpenEdge<R> {
         // kappa = 2 half, sec^2(phi/2) = 1 + half^2 = 2/open: dE/dphi = (EI/l) kappa sec^2.
         let elastic = bend * two * closed;
         let moment = elastic * two * half + damping * (after.rate - self.rate);
-        let stiffness = elastic * two * (closed + half * half) + damping * per_time;
+        let rigid = elastic * two * (closed + half * half);
+        let stiffness = rigid + damping * per_time;
         self.couple -= moment;
         after.couple += moment;
         // dphi/de is -slope for this edge and slope for the one after; damping adds that the slopes turn.
         let before = self.slope.scale(stiffness) + self.turn.scale(damping);
         let behind = after.slope.scale(stiffness) + after.turn.scale(damping);
+        self.slopes.end = self.slope.scale(rigid) + self.turn.scale(damping);
+        after.slopes.start = after.slope.scale(rigid) + after.turn.scale(damping);
         add(&mut self.own, outer(self.slope, before));
         after.own = outer(after.slope, behind);
         (outer(-self.slope, behind), outer(-after.slope, before), open)
@@ -81,7 +86,7 @@ impl<R: Real> OpenEdge<R> {
 
     /// The edge with all that acts on it; `along` is its stretching stiffness \[N/m\].
     #[inline(always)]
-    fn close(mut self, along: R, up: Block<R>, down: Block<R>) -> Edge<R> {
+    fn close(mut self, along: R, up: Block<R>, down: Block<R>) -> (Edge<R>, EdgeSlopes<R>) {
         let pull = self.t.scale(self.tension) + self.slope.scale(self.couple);
         // Second derivative of the stretching energy, along t t' + across n n', and of the angle.
         let across = self.tension * self.inverse;
@@ -90,8 +95,9 @@ impl<R: Real> OpenEdge<R> {
         let xy = (along - across) * cs - mixed * (cc - ss);
         let twist = mixed * (cs + cs);
         let (xx, yy) = (along * cc + across * ss + twist, along * ss + across * cc - twist);
+        self.slopes.pull = [xx, xy, yy];
         add(&mut self.own, [[xx, xy], [xy, yy]]);
-        Edge { pull, own: self.own, up, down }
+        (Edge { pull, own: self.own, up, down }, self.slopes)
     }
 }
 
@@ -120,6 +126,8 @@ pub struct Linearized<'a, R> {
     /// The edge before the node, and the one after it.
     before: Edge<R>,
     open: OpenEdge<R>,
+    /// Of the edge after the node.
+    pub slopes: EdgeSlopes<R>,
     /// What the sweep learned of the shape.
     pub shape: Shape<R>,
 }
@@ -135,7 +143,8 @@ pub fn linearize<'a, R: Real>(
 ) -> Linearized<'a, R> {
     let open = OpenEdge { couple: -torque, ..OpenEdge::new(rod, x, v, 0) };
     let shape = Shape { base: open.slope, openness: R::splat(2.0) };
-    Linearized { rod, x, v, rate, node: 0, before: Edge::default(), open, shape }
+    let (before, slopes) = (Edge::default(), EdgeSlopes::default());
+    Linearized { rod, x, v, rate, node: 0, before, open, slopes, shape }
 }
 
 impl<R: Real> Iterator for Linearized<'_, R> {
@@ -143,7 +152,7 @@ impl<R: Real> Iterator for Linearized<'_, R> {
 
     #[inline(always)]
     fn next(&mut self) -> Option<Self::Item> {
-        let Linearized { rod, x, v, rate, node: i, before, open, shape } = self;
+        let Linearized { rod, x, v, rate, node: i, before, open, slopes, shape } = self;
         let (i, nodes) = (*i, rod.nodes());
         if i == nodes {
             return None;
@@ -161,7 +170,7 @@ impl<R: Real> Iterator for Linearized<'_, R> {
                 (up, down, openness) = open.bend(&mut next, bend, damping, *rate);
                 shape.openness = shape.openness.min(openness);
             }
-            edge = open.close(rod.stretch_rate[i], up, down);
+            (edge, *slopes) = open.close(rod.stretch_rate[i], up, down);
             *open = next;
         }
         let mut force = edge.pull - before.pull - v[i].scale(rod.damping);

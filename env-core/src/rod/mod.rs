@@ -8,10 +8,12 @@
 mod energy;
 mod forces;
 mod linear;
+mod slopes;
 
 pub use energy::{Energy, curvature, energy};
 pub use forces::{Shape, forces};
 pub use linear::{Linearized, add_stiffness, linearize};
+pub use slopes::{EdgeSlopes, force_changes, force_gradients};
 
 use crate::lane::Real;
 use crate::lanewise;

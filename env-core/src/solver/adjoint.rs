@@ -1,14 +1,14 @@
 //! The way back: from the gradient by a rod's state after some steps to those by the state before them, by the torques
 //! and by its material. The maps of `tangent`, transposed, in the opposite order along the tape.
 
-use super::moment::{Linear, Material, splat, turn, turned};
+use super::moment::{Linear, Material, Moment, splat, turn, turned};
 use super::{Move, Origin, Past, Phase, Stage};
 use crate::error::Result;
 use crate::isa::{ForLanes, Isa, Kernel, dispatch, with_lanes};
 use crate::lane::{DIRECTIONS, Dual, Real};
-use crate::linear::{Ascent, Descent, multiply};
-use crate::rod::{Motion, Rod, forces};
+use crate::rod::{Motion, Rod};
 use crate::vec2::Vec2;
+use std::marker::PhantomData;
 
 /// Takes the gradients of a number by the state after the phases to those by the state before them; they stand where the
 /// state's own numbers do, accelerations without what the torque does. Returns those by the torque of
@@ -22,64 +22,63 @@ pub fn pull_back(
     materials: &[Rod<Dual>],
     state: (&mut Motion<f64>, &mut Past<f64, Motion<f64>>),
 ) -> Result<(Vec<f64>, Vec<f64>)> {
-    struct Work<'a>(
-        Isa,
-        &'a Rod<f64>,
-        &'a [Phase],
-        &'a [Rod<Dual>],
-        (&'a mut Motion<f64>, &'a mut Past<f64, Motion<f64>>),
-    );
-    impl ForLanes for Work<'_> {
-        type Output = (Vec<f64>, Vec<f64>);
-        fn make<R: Real>(self) -> Self::Output {
-            let Work(isa, rod, phases, materials, state) = self;
-            let linear = &mut Linear::<R>::new(rod, true);
-            let pull = &mut Pull::new(state, materials);
-            let mut torques: Vec<f64> = vec![];
-            for phase in phases.iter().rev() {
-                pull.torque = 0.0;
-                dispatch(isa, Run { phase, linear, pull });
-                torques.push(pull.torque);
-            }
-            torques.reverse();
-            let sums = pull.materials.iter();
-            let sums = sums.flat_map(|(_, sum)| (0..DIRECTIONS).map(|k| sum.get(k)));
-            (torques, sums.collect())
-        }
-    }
     let isa = Isa::current()?;
-    Ok(with_lanes(isa, Work(isa, rod, phases, materials, state)))
+    Ok(with_lanes(isa, Work { isa, rod, phases, materials, state }))
 }
 
-/// The way back through a phase.
-struct Run<'a, 'b, R> {
-    phase: &'a Phase,
-    linear: &'a mut Linear<R>,
-    pull: &'a mut Pull<'b, R>,
+struct Work<'a> {
+    isa: Isa,
+    rod: &'a Rod<f64>,
+    phases: &'a [Phase],
+    materials: &'a [Rod<Dual>],
+    state: (&'a mut Motion<f64>, &'a mut Past<f64, Motion<f64>>),
 }
 
-impl<R: Real> Kernel for Run<'_, '_, R> {
-    type Output = ();
+impl ForLanes for Work<'_> {
+    type Output = (Vec<f64>, Vec<f64>);
+    fn make<R: Real>(self) -> Self::Output {
+        dispatch(self.isa, Run::<R>(self, PhantomData))
+    }
+}
+
+/// All of it, for one number type.
+struct Run<'a, R>(Work<'a>, PhantomData<R>);
+
+impl<R: Real> Kernel for Run<'_, R> {
+    type Output = (Vec<f64>, Vec<f64>);
 
     #[inline(always)]
-    fn run(self) {
-        let Run { phase: Phase { tape, torque, hand }, linear, pull } = self;
-        let count = tape.moves().len();
-        pull.push(linear, *torque, hand[1], -1.0);
-        for first in (0..count).step_by(R::LANES).rev() {
-            linear.look(tape, first, *torque);
-            for at in (first..count.min(first + R::LANES)).rev() {
-                linear.pick(at - first);
-                let moment = tape.moment(at);
-                match tape.moves()[at] {
-                    Move::Verlet(dt) => pull.verlet(linear, moment, dt),
-                    Move::Stage { stage, part_begins, step_begins } => {
-                        pull.stage(linear, moment, &stage, part_begins, step_begins);
+    fn run(self) -> Self::Output {
+        let Work { rod, phases, materials, state, .. } = self.0;
+        let mut linear = Linear::<R>::new(rod, true);
+        let mut pull = Pull::new(state, materials);
+        let mut torques = vec![0.0; phases.len()];
+        for (Phase { tape, torque, hand }, by_torque) in phases.iter().zip(&mut torques).rev() {
+            pull.torque = 0.0;
+            let count = tape.moves().len();
+            pull.push(rod, *torque, hand[1], -1.0);
+            for first in (0..count).step_by(R::LANES).rev() {
+                linear.look(tape, first, *torque);
+                for at in (first..count.min(first + R::LANES)).rev() {
+                    let moment = linear.moment(at - first);
+                    match &tape.moves()[at] {
+                        Move::Verlet(dt) => pull.verlet(&moment, *dt),
+                        Move::Stage { stage, part_begins, step_begins } => {
+                            pull.stage(&moment, stage, *part_begins, *step_begins);
+                        }
                     }
                 }
             }
+            pull.push(rod, *torque, hand[0], 1.0);
+            *by_torque = pull.torque;
         }
-        pull.push(linear, *torque, hand[0], 1.0);
+        let mut by_materials = Vec::with_capacity(DIRECTIONS * materials.len());
+        for (_, sum) in &pull.materials {
+            for k in 0..DIRECTIONS {
+                by_materials.push(sum.get(k));
+            }
+        }
+        (torques, by_materials)
     }
 }
 
@@ -99,41 +98,41 @@ struct Pull<'a, R> {
     origin: [Vec<Vec2<f64>>; 2],
     /// By velocities and accelerations at the start of the part and at its stages.
     slopes: Vec<[Vec<Vec2<f64>>; 2]>,
-    /// By forces; and memory.
+    /// By forces, and what these give for positions and velocities.
     force: Vec<Vec2<f64>>,
-    work: Vec<Vec2<f64>>,
-    own: Vec<Vec2<R>>,
-    wide: [Vec<Vec2<R>>; 2],
+    work: [Vec<Vec2<f64>>; 2],
 }
 
 impl<'a, R: Real> Pull<'a, R> {
+    #[inline(always)]
     fn new(
         (state, past): (&'a mut Motion<f64>, &'a mut Past<f64, Motion<f64>>),
-        materials: &[Rod<Dual>],
+        rods: &[Rod<Dual>],
     ) -> Self {
         let nodes = state.x.len();
         let zeros = || vec![Vec2::zero(); nodes];
-        let wide = || vec![Vec2::zero(); nodes];
+        let mut materials = Vec::with_capacity(rods.len());
+        for rod in rods {
+            materials.push((Material::new(rod), R::zero()));
+        }
         Pull {
             state,
             before: [&mut past.before.x, &mut past.before.v],
             torque: 0.0,
-            materials: materials.iter().map(|rod| (Material::new(rod), R::zero())).collect(),
+            materials,
             start: [zeros(), zeros()],
             origin: [zeros(), zeros()],
-            slopes: (0..MOST_SLOPES).map(|_| [zeros(), zeros()]).collect(),
+            slopes: vec![[zeros(), zeros()]; MOST_SLOPES],
             force: zeros(),
-            work: zeros(),
-            own: wide(),
-            wide: [wide(), wide()],
+            work: [zeros(), zeros()],
         }
     }
 
     /// See `Flow::push`.
     #[inline(always)]
-    fn push(&mut self, linear: &Linear<R>, torque: f64, hand: Vec2<f64>, sign: f64) {
+    fn push(&mut self, rod: &Rod<f64>, torque: f64, hand: Vec2<f64>, sign: f64) {
         let by = self.state.a[1].scale(sign);
-        let inverse = linear.rod.inverse_mass[1];
+        let inverse = rod.inverse_mass[1];
         let strength = turn(hand).dot(by);
         self.torque += strength * inverse;
         self.state.x[1] += turned(hand, by).scale(torque * inverse);
@@ -142,47 +141,39 @@ impl<'a, R: Real> Pull<'a, R> {
         }
     }
 
-    /// Adds what the forces' gradient gives for the torque and the materials.
+    /// Adds what the forces' gradient gives for the torque and the materials; leaves in `work` what it gives for the
+    /// motion.
     #[inline(always)]
-    fn by_forces(&mut self, linear: &Linear<R>, (x, v): (&[Vec2<f64>], &[Vec2<f64>])) {
-        self.torque += linear.turns[0].dot(self.force[1]);
-        let nodes = x.len();
+    fn by_forces(&mut self, moment: &Moment<'_, R>) {
+        self.torque += moment.turn().dot(self.force[1]);
         for (material, sum) in &mut self.materials {
-            let [wide_x, wide_v] = &mut self.wide;
-            for i in 0..nodes {
-                (wide_x[i], wide_v[i]) = (splat(x[i]), splat(v[i]));
-            }
-            forces(&material.forces, wide_x, wide_v, &mut self.own);
-            for i in 1..nodes {
-                *sum += self.own[i].dot(splat(self.force[i]));
+            moment.forces_on(material);
+            for i in 1..self.force.len() {
+                *sum += material.forces[i].dot(splat(self.force[i]));
             }
         }
+        let [x, v] = &mut self.work;
+        moment.force_gradients(&self.force, [x, v]);
     }
 
     /// See `Flow::verlet`.
     #[inline(always)]
-    fn verlet(&mut self, linear: &Linear<R>, moment: (&[Vec2<f64>], &[Vec2<f64>]), dt: f64) {
+    fn verlet(&mut self, moment: &Moment<'_, R>, dt: f64) {
         let nodes = self.force.len();
         let half = 0.5 * dt;
         for i in 1..nodes {
             let Motion { v, a, .. } = &mut *self.state;
             a[i] += v[i].scale(half);
-            self.force[i] = a[i].scale(linear.rod.inverse_mass[i]);
+            self.force[i] = a[i].scale(moment.rod().inverse_mass[i]);
             for (material, sum) in &mut self.materials {
-                *sum += material.inverse_mass[i] * R::splat(linear.force[i].dot(a[i]));
+                *sum += material.inverse_mass[i] * R::splat(moment.force(i).dot(a[i]));
             }
         }
-        self.by_forces(linear, moment);
-        self.work.fill(Vec2::zero());
-        multiply(&linear.hooks, &self.force[1..], &mut self.work[1..]);
+        self.by_forces(moment);
         let Motion { x, v, a, .. } = &mut *self.state;
         for i in 1..nodes {
-            x[i] -= self.work[i];
-            self.work[i] = Vec2::zero();
-        }
-        linear.damp(&self.force, &mut self.work);
-        for i in 1..nodes {
-            v[i] += x[i].scale(dt) - self.work[i];
+            x[i] += self.work[0][i];
+            v[i] += x[i].scale(dt) + self.work[1][i];
             a[i] = v[i].scale(half);
         }
     }
@@ -191,8 +182,7 @@ impl<'a, R: Real> Pull<'a, R> {
     #[inline(always)]
     fn stage(
         &mut self,
-        linear: &Linear<R>,
-        moment: (&[Vec2<f64>], &[Vec2<f64>]),
+        moment: &Moment<'_, R>,
         stage: &Stage<f64>,
         part_begins: bool,
         step_begins: bool,
@@ -205,34 +195,26 @@ impl<'a, R: Real> Pull<'a, R> {
             self.forget(from.len());
         }
         let Motion { x, v, a, .. } = &mut *self.state;
-        let [x0, v0] = &mut self.origin;
         for i in 1..nodes {
             v[i] += x[i].scale(stage.h);
             a[i] += v[i].scale(stage.h);
+            self.force[i] = a[i].scale(rate * rate);
         }
-        let (mut descent, mut ascent) = (Descent::default(), Ascent::default());
+        moment.solve(&mut self.force);
         for i in 1..nodes {
-            self.force[i] = descent.pass(&linear.eliminated[i - 1], a[i].scale(rate * rate));
-        }
-        for i in (1..nodes).rev() {
-            self.force[i] = ascent.pass(&linear.eliminated[i - 1].right, self.force[i]);
-        }
-        self.work.fill(Vec2::zero());
-        multiply(&linear.hooks, &self.force[1..], &mut self.work[1..]);
-        for i in 1..nodes {
-            x0[i] = x[i] - self.work[i];
-            v0[i] = v[i] - self.work[i].scale(stage.h);
-            self.work[i] = Vec2::zero();
-        }
-        linear.damp(&self.force, &mut self.work);
-        for i in 1..nodes {
-            x0[i] += self.work[i].scale(rate);
-            let a = linear.force[i].scale(linear.rod.inverse_mass[i]);
+            let a = moment.force(i).scale(moment.rod().inverse_mass[i]);
             for (material, sum) in &mut self.materials {
                 *sum -= material.mass[i] * R::splat(a.dot(self.force[i]));
             }
         }
-        self.by_forces(linear, moment);
+        self.by_forces(moment);
+        let Motion { x, v, .. } = &mut *self.state;
+        let [x0, v0] = &mut self.origin;
+        for i in 1..nodes {
+            let by = self.work[0][i];
+            x0[i] = x[i] + by;
+            v0[i] = v[i] + by.scale(stage.h) + self.work[1][i];
+        }
         self.begin(stage, step_begins);
         if part_begins {
             self.forget(0);

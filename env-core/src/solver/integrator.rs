@@ -2,7 +2,7 @@
 
 use super::pinned::{Elimination, Pinned};
 use super::tape::{Move, Recorded, Tape};
-use super::{Constant, Drive, Past, Scheme, Solver, prepare, verlet};
+use super::{Constant, Drive, Past, Scheme, Solver, Witness, prepare, verlet};
 use crate::lane::{Lanewise, Mask, Real};
 use crate::lanewise;
 use crate::rod::{Motion, Rod};
@@ -190,7 +190,7 @@ impl<R: Real> Verlet<R> {
         for halving in 0..=VERLET_HALVINGS {
             let parts = 1usize << halving;
             let dt = self.dt / parts as f64;
-            let sound = verlet(rod, motion, torque, dt, steps * parts, watch);
+            let sound = verlet(rod, motion, torque, dt, steps * parts, watch, &mut ());
             if halving == 0 && sound.all() {
                 return sound;
             }
@@ -223,21 +223,25 @@ impl Verlet<f64> {
         for halving in 0..=VERLET_HALVINGS {
             let parts = 1usize << halving;
             let dt = self.dt / parts as f64;
-            let mut sound = true;
-            for _ in 0..steps * parts {
-                self.kept.x.copy_from_slice(&motion.x);
-                sound &= verlet(rod, motion, torque, dt, 1, watch);
-                // Forces take the velocity of the half step.
-                let between = motion.x.iter().zip(&self.kept.x);
-                let between = between.map(|(new, old)| (*new - *old).scale(1.0 / dt));
-                tape.push(Move::Verlet(dt), &motion.x, between, &[]);
-            }
-            if sound {
+            let written = &mut Written { tape, dt };
+            if verlet(rod, motion, torque, dt, steps * parts, watch, written) {
                 return true;
             }
             tape.cut(begin);
             motion.copy_from(&self.saved);
         }
         false
+    }
+}
+
+/// Verlet steps of this size \[s\], written down.
+struct Written<'a> {
+    tape: &'a mut Tape,
+    dt: f64,
+}
+
+impl Witness<f64> for Written<'_> {
+    fn forces_taken(&mut self, x: &[Vec2<f64>], v: &[Vec2<f64>]) {
+        self.tape.push(Move::Verlet(self.dt), x, v.iter().copied(), &[]);
     }
 }

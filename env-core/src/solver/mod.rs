@@ -27,7 +27,7 @@ pub use scheme::{Origin, Row, Scheme, Stage, Table};
 pub use tangent::{Carried, Phase, carry};
 pub use tape::{Move, Tape};
 pub(crate) use tape::{Recorded, Told};
-pub use verlet::{prepare, verlet};
+pub use verlet::{Witness, prepare, verlet};
 
 /// Smallest `1 + cos(phi)` of a joint that counts as a rod and not as a failure: a turning angle of 168.5
 /// degrees, where the bending energy of the default rod is 8 J, a thousand times what its motor gives.

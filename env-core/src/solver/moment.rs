@@ -2,53 +2,41 @@
 
 use super::{Move, Tape};
 use crate::lane::{DIRECTIONS, Dual, Lanewise, Real};
-use crate::linear::{Front, Hook};
-use crate::rod::{Rod, linearize};
+use crate::linear::{Ascent, Descent, Front, Hook};
+use crate::rod::{EdgeSlopes, Rod, force_changes, force_gradients, forces, linearize};
 use crate::vec2::Vec2;
 
-/// The linear motion about moments of a tape: looked at in lanes, as many moments at once, and then picked one by one.
-pub(super) struct Linear<R> {
-    pub rod: Rod<f64>,
+/// The linear motion about moments of a tape, as many side by side as there are lanes.
+pub(super) struct Linear<'a, R> {
+    rod: &'a Rod<f64>,
     rods: Rod<R>,
     transposed: bool,
     /// Whether these are moments of an implicit scheme.
     implicit: bool,
     x: Vec<Vec2<R>>,
     v: Vec<Vec2<R>>,
-    hooks_in_lanes: Vec<Hook<R>>,
-    eliminated_in_lanes: Vec<Hook<R>>,
-    force_in_lanes: Vec<Vec2<R>>,
-    turns_in_lanes: Vec<Vec2<R>>,
-    /// Of every node but the first `-d(forces)/dx`, of a stage with `-rate d(forces)/dv`. Transposed for the way back.
-    pub hooks: Vec<Hook<f64>>,
-    /// Of a stage the same with the inertia, eliminated.
-    pub eliminated: Vec<Hook<f64>>,
+    edges: Vec<EdgeSlopes<R>>,
     /// Forces, with the torque's \[N\].
-    pub force: Vec<Vec2<f64>>,
-    /// Gradient of every edge's angle with its end \[1/m\].
-    pub turns: Vec<Vec2<f64>>,
+    forces: Vec<Vec2<R>>,
+    /// Of a stage the matrix of Newton's method, eliminated, of every node but the first. Transposed for the way back.
+    eliminated: Vec<Hook<R>>,
 }
 
-impl<R: Real> Linear<R> {
-    pub fn new(rod: &Rod<f64>, transposed: bool) -> Self {
+impl<'a, R: Real> Linear<'a, R> {
+    pub fn new(rod: &'a Rod<f64>, transposed: bool) -> Self {
         let nodes = rod.nodes();
         let mut rods = Rod::new(nodes);
         rods.pair(rod, &mut |to: &mut R, from| *to = R::splat(*from));
         Linear {
-            rod: rod.clone(),
+            rod,
             rods,
             transposed,
             implicit: false,
             x: vec![Vec2::zero(); nodes],
             v: vec![Vec2::zero(); nodes],
-            hooks_in_lanes: vec![Hook::default(); nodes - 1],
-            eliminated_in_lanes: vec![Hook::default(); nodes - 1],
-            force_in_lanes: vec![Vec2::zero(); nodes],
-            turns_in_lanes: vec![Vec2::zero(); nodes - 1],
-            hooks: vec![Hook::default(); nodes - 1],
+            edges: vec![EdgeSlopes::default(); nodes - 1],
+            forces: vec![Vec2::zero(); nodes],
             eliminated: vec![Hook::default(); nodes - 1],
-            force: vec![Vec2::zero(); nodes],
-            turns: vec![Vec2::zero(); nodes - 1],
         }
     }
 
@@ -73,90 +61,124 @@ impl<R: Real> Linear<R> {
         let mut sweep = linearize(&self.rods, &self.x, &self.v, R::splat(torque), rate);
         sweep.next();
         for i in 1..self.rods.nodes() {
+            self.edges[i - 1] = sweep.slopes;
             let Some((force, mut hook)) = sweep.next() else { break };
-            self.force_in_lanes[i] = force;
-            if self.transposed {
-                hook = hook.transposed();
-            }
-            self.hooks_in_lanes[i - 1] = hook;
+            self.forces[i] = force;
             if self.implicit {
+                if self.transposed {
+                    hook = hook.transposed();
+                }
                 let inertia = self.rods.mass[i] * rate * rate;
                 hook.diagonal[0][0] += inertia;
                 hook.diagonal[1][1] += inertia;
-                self.eliminated_in_lanes[i - 1] = front.eliminate(&hook);
+                self.eliminated[i - 1] = front.eliminate(&hook);
             }
-            let e = self.x[i] - self.x[i - 1];
-            self.turns_in_lanes[i - 1] = e.perp().scale(R::one() / e.dot(e));
         }
     }
 
-    /// Turns to the moment in one lane.
+    /// The moment in one lane.
     #[inline(always)]
-    pub fn pick(&mut self, lane: usize) {
-        for i in 1..self.rods.nodes() {
-            self.hooks_in_lanes[i - 1].read_lane(lane, &mut self.hooks[i - 1]);
-            if self.implicit {
-                self.eliminated_in_lanes[i - 1].read_lane(lane, &mut self.eliminated[i - 1]);
-            }
-            self.force_in_lanes[i].read_lane(lane, &mut self.force[i]);
-            self.turns_in_lanes[i - 1].read_lane(lane, &mut self.turns[i - 1]);
+    pub fn moment(&self, lane: usize) -> Moment<'_, R> {
+        Moment { linear: self, lane }
+    }
+}
+
+/// One of these moments.
+#[derive(Clone, Copy)]
+pub(super) struct Moment<'a, R> {
+    linear: &'a Linear<'a, R>,
+    lane: usize,
+}
+
+impl<R: Real> Moment<'_, R> {
+    #[inline(always)]
+    pub fn rod(&self) -> &Rod<f64> {
+        self.linear.rod
+    }
+
+    /// By how much the forces change with the motion.
+    #[inline(always)]
+    pub fn force_changes<T: Real>(&self, motion: [&[Vec2<T>]; 2], forces: &mut [Vec2<T>]) {
+        let Linear { rod, edges, .. } = self.linear;
+        force_changes(rod, edges, self.lane, motion, forces);
+    }
+
+    /// The transposed map.
+    #[inline(always)]
+    pub fn force_gradients<T: Real>(&self, forces: &[Vec2<T>], motion: [&mut [Vec2<T>]; 2]) {
+        let Linear { rod, edges, .. } = self.linear;
+        force_gradients(rod, edges, self.lane, forces, motion);
+    }
+
+    /// Solves with the matrix of Newton's method, in place.
+    #[inline(always)]
+    pub fn solve<T: Real>(&self, b: &mut [Vec2<T>]) {
+        let eliminated = &self.linear.eliminated;
+        let (mut descent, mut ascent) = (Descent::default(), Ascent::default());
+        for (hook, b) in eliminated.iter().zip(&mut b[1..]) {
+            *b = descent.pass(&hook.of_lane(self.lane), *b);
+        }
+        for (hook, b) in eliminated.iter().zip(&mut b[1..]).rev() {
+            *b = ascent.pass(&hook.of_lane(self.lane).right, *b);
         }
     }
 
-    /// Adds to `to` what damping takes from the forces for a change `v` of the velocities.
+    /// The force on a node, with the torque's \[N\].
     #[inline(always)]
-    pub fn damp<T: Real>(&self, v: &[Vec2<T>], to: &mut [Vec2<T>]) {
-        let nodes = v.len();
-        let (mut rate, mut moment) = (T::zero(), T::zero());
-        for k in (0..nodes - 1).rev() {
-            let turn = splat(self.turns[k]);
-            let next = turn.dot(v[k + 1] - v[k]);
-            // The moment at the end of this edge, and the couple of the one after it.
-            // (It is zero at the tip, as the damping there.)
-            let own = T::splat(self.rod.bend_damping[k + 1]) * (rate - next);
-            if k + 2 < nodes {
-                let pull = splat(self.turns[k + 1]).scale(own - moment);
-                to[k + 2] += pull;
-                to[k + 1] -= pull;
-            }
-            (rate, moment) = (next, own);
+    pub fn force(&self, node: usize) -> Vec2<f64> {
+        self.pick(&self.linear.forces[node])
+    }
+
+    /// Gradient of the first edge's angle with its end \[1/m\].
+    #[inline(always)]
+    pub fn turn(&self) -> Vec2<f64> {
+        self.pick(&self.linear.edges[0].turn)
+    }
+
+    /// The forces on a rod of another material in this motion.
+    #[inline(always)]
+    pub fn forces_on(&self, material: &mut Material<R>) {
+        let Linear { x, v, .. } = self.linear;
+        let Material { rod, wide: [wide_x, wide_v], forces: own, .. } = material;
+        for i in 0..x.len() {
+            wide_x[i] = splat(self.pick(&x[i]));
+            wide_v[i] = splat(self.pick(&v[i]));
         }
-        let pull = splat(self.turns[0]).scale(-moment);
-        to[1] += pull;
-        let drag = T::splat(self.rod.damping);
-        for i in 1..nodes {
-            to[i] += v[i].scale(drag);
-        }
+        forces(rod, wide_x, wide_v, own);
+    }
+
+    #[inline(always)]
+    fn pick(&self, p: &Vec2<R>) -> Vec2<f64> {
+        Vec2::new(p.x.get(self.lane), p.y.get(self.lane))
     }
 }
 
 /// By what a rod's material changes.
 pub(super) struct Material<R> {
     /// A rod with the changes as its stiffnesses; its gravity is 1, and its masses are the changes of the weights.
-    pub forces: Rod<R>,
+    rod: Rod<R>,
     /// Changes of the masses, and of what one over them is.
     pub mass: Vec<R>,
     pub inverse_mass: Vec<R>,
+    /// Changes of the forces, see `Moment::forces_on`.
+    pub forces: Vec<Vec2<R>>,
+    /// Memory for a motion.
+    wide: [Vec<Vec2<R>>; 2],
 }
 
 impl<R: Real> Material<R> {
-    /// None where nothing changes.
-    pub fn changing(rod: &Rod<Dual>) -> Option<Self> {
-        let mut changes = false;
-        rod.visit(&mut |x: &Dual| changes |= x.slopes != [0.0; DIRECTIONS]);
-        changes.then(|| Material::new(rod))
-    }
-
-    pub fn new(rod: &Rod<Dual>) -> Self {
-        let mut weightless = Rod::new(rod.nodes());
-        weightless.pair(rod, &mut |to: &mut R, from: &Dual| *to = slopes(from));
-        let (mass, inverse_mass) = (weightless.mass.clone(), weightless.inverse_mass.clone());
-        let mut forces = weightless;
-        for (to, mass) in forces.mass.iter_mut().zip(&rod.mass) {
-            *to = slopes(&(*mass * rod.gravity));
+    #[inline(always)]
+    pub fn new(from: &Rod<Dual>) -> Self {
+        let nodes = from.nodes();
+        let zeros = || vec![Vec2::zero(); nodes];
+        let mut rod = Rod::new(nodes);
+        rod.pair(from, &mut |to: &mut R, from: &Dual| *to = slopes(from));
+        let (mass, inverse_mass) = (rod.mass.clone(), rod.inverse_mass.clone());
+        for (to, mass) in rod.mass.iter_mut().zip(&from.mass) {
+            *to = slopes(&(*mass * from.gravity));
         }
-        forces.gravity = R::one();
-        Material { forces, mass, inverse_mass }
+        rod.gravity = R::one();
+        Material { rod, mass, inverse_mass, forces: zeros(), wide: [zeros(), zeros()] }
     }
 }
 

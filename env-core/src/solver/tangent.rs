@@ -1,20 +1,20 @@
 //! Derivatives of steps of a pinned rod, carried along what a tape has: directions of its state, torque and material in
 //! lanes, eight to a `Flow`.
 //!
-//! A step is a chain of linear maps and of forces, and the derivative of the forces is the matrix that Newton's method
-//! eliminates. So a Verlet step multiplies by it. A stage of an implicit scheme solves with it once, at the solution
-//! that the step itself has found: that is the derivative of what the stage's equation defines (the theorem on implicit
-//! functions), however the iteration came to it. By the rod's material forces are linear: their change is the force on
-//! a rod that has the changes as its stiffnesses.
+//! A step is a chain of linear maps and of forces. So a Verlet step applies the derivative of the forces. A stage of an
+//! implicit scheme solves with Newton's matrix once, at the solution that the step itself has found: that is the
+//! derivative of what the stage's equation defines (the theorem on implicit functions), however the iteration came to
+//! it. By the rod's material forces are linear: their change is the force on a rod that has the changes as its
+//! stiffnesses.
 
-use super::moment::{Linear, Material, slopes, splat, turn, turned};
+use super::moment::{Linear, Material, Moment, slopes, splat, turn, turned};
 use super::{Move, Origin, Past, Stage, Tape};
 use crate::error::Result;
 use crate::isa::{ForLanes, Isa, Kernel, dispatch, with_lanes};
 use crate::lane::{Dual, Real};
-use crate::linear::{Ascent, Descent, multiply};
-use crate::rod::{Motion, Rod, forces};
+use crate::rod::{Motion, Rod};
 use crate::vec2::Vec2;
+use std::marker::PhantomData;
 
 /// A run of steps under one torque.
 #[derive(Clone, Debug)]
@@ -29,8 +29,8 @@ pub struct Phase {
 
 /// Eight directions of one rod. Values are those at the start, and stay.
 pub struct Carried<'a> {
-    /// Geometry and material.
-    pub rod: &'a Rod<Dual>,
+    /// Geometry and material, where any of the directions changes them.
+    pub rod: Option<&'a Rod<Dual>>,
     /// Positions, velocities and accelerations.
     pub motion: &'a mut Motion<Dual>,
     /// The step before.
@@ -45,68 +45,75 @@ pub struct Carried<'a> {
 /// # Errors
 /// See `Isa::current`.
 pub fn carry(rod: &Rod<f64>, phases: &[Phase], carried: &mut [Carried<'_>]) -> Result<()> {
-    struct Work<'a, 'b>(Isa, &'a Rod<f64>, &'a [Phase], &'a mut [Carried<'b>]);
-    impl ForLanes for Work<'_, '_> {
-        type Output = ();
-        fn make<R: Real>(self) {
-            let Work(isa, rod, phases, carried) = self;
-            let nodes = rod.nodes();
-            let mut flows: Vec<Flow<R>> = carried.iter().map(|one| Flow::new(one, nodes)).collect();
-            let linear = &mut Linear::new(rod, false);
-            for (k, phase) in phases.iter().enumerate() {
-                for (flow, one) in flows.iter_mut().zip(&*carried) {
-                    flow.torque = slopes(&one.torques[k]);
-                }
-                dispatch(isa, Run { phase, linear, flows: &mut flows });
-            }
-            for (flow, one) in flows.iter().zip(carried) {
-                flow.write(one);
-            }
-        }
-    }
     let isa = Isa::current()?;
-    with_lanes(isa, Work(isa, rod, phases, carried));
+    with_lanes(isa, Work { isa, rod, phases, carried });
     Ok(())
 }
 
-/// A phase of all flows.
-struct Run<'a, R> {
-    phase: &'a Phase,
-    linear: &'a mut Linear<R>,
-    flows: &'a mut [Flow<R>],
+struct Work<'a, 'b> {
+    isa: Isa,
+    rod: &'a Rod<f64>,
+    phases: &'a [Phase],
+    carried: &'a mut [Carried<'b>],
 }
 
-impl<R: Real> Kernel for Run<'_, R> {
+impl ForLanes for Work<'_, '_> {
+    type Output = ();
+    fn make<R: Real>(self) {
+        dispatch(self.isa, Run::<R>(self, PhantomData));
+    }
+}
+
+/// All of it, for one number type.
+struct Run<'a, 'b, R>(Work<'a, 'b>, PhantomData<R>);
+
+impl<R: Real> Kernel for Run<'_, '_, R> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
-        let Run { phase, linear, flows } = self;
-        let Phase { tape, torque, hand } = phase;
-        for flow in flows.iter_mut() {
-            flow.push(linear, *torque, hand[0], 1.0);
+        let Work { rod, phases, carried, .. } = self.0;
+        let mut linear = Linear::<R>::new(rod, false);
+        let mut flows: Vec<Flow<R>> = Vec::with_capacity(carried.len());
+        for one in &*carried {
+            flows.push(Flow::new(one));
         }
-        let count = tape.moves().len();
-        for first in (0..count).step_by(R::LANES) {
-            linear.look(tape, first, *torque);
-            for at in first..count.min(first + R::LANES) {
-                linear.pick(at - first);
-                let moment = tape.moment(at);
-                for flow in flows.iter_mut() {
-                    match tape.moves()[at] {
-                        Move::Verlet(dt) => flow.verlet(linear, moment, dt),
+        for (k, Phase { tape, torque, hand }) in phases.iter().enumerate() {
+            for (flow, one) in flows.iter_mut().zip(&*carried) {
+                flow.torque = slopes(&one.torques[k]);
+                flow.push(rod, *torque, hand[0], 1.0);
+            }
+            let count = tape.moves().len();
+            for first in (0..count).step_by(R::LANES) {
+                linear.look(tape, first, *torque);
+                for at in first..count.min(first + R::LANES) {
+                    let moment = linear.moment(at - first);
+                    match &tape.moves()[at] {
+                        Move::Verlet(dt) => {
+                            for flow in &mut flows {
+                                flow.verlet(&moment, *dt);
+                            }
+                        }
                         Move::Stage { stage, part_begins, step_begins } => {
-                            flow.stage(linear, moment, &stage, part_begins, step_begins);
+                            for flow in &mut flows {
+                                flow.stage(&moment, stage, *part_begins, *step_begins);
+                            }
                         }
                     }
                 }
             }
+            for flow in &mut flows {
+                flow.push(rod, *torque, hand[1], -1.0);
+            }
         }
-        for flow in flows.iter_mut() {
-            flow.push(linear, *torque, hand[1], -1.0);
+        for (flow, one) in flows.iter().zip(carried) {
+            flow.write(one);
         }
     }
 }
+
+/// Positions and velocities.
+type Pair<R> = [Vec<Vec2<R>>; 2];
 
 /// Eight directions on their way.
 struct Flow<R> {
@@ -118,28 +125,46 @@ struct Flow<R> {
     material: Option<Material<R>>,
     /// Positions and velocities at the start of the step before, of the part, and of the stage; empty without a step
     /// before.
-    before: [Vec<Vec2<R>>; 2],
-    start: [Vec<Vec2<R>>; 2],
-    origin: [Vec<Vec2<R>>; 2],
+    before: Pair<R>,
+    start: Pair<R>,
+    origin: Pair<R>,
     /// Velocities and accelerations at the start of the part and at its stages.
-    slopes: Vec<[Vec<Vec2<R>>; 2]>,
-    /// Memory for forces, for those that the material changes, and for a moment of the tape in every lane.
+    slopes: Vec<Pair<R>>,
+    /// Memory for forces.
     work: Vec<Vec2<R>>,
-    own: Vec<Vec2<R>>,
-    wide: [Vec<Vec2<R>>; 2],
 }
 
 /// Slots of `Flow::slopes`.
 const MOST_SLOPES: usize = 3;
 
+/// Takes the slopes of a list.
+#[inline(always)]
+fn read<R: Real>(from: &[Vec2<Dual>]) -> Vec<Vec2<R>> {
+    let mut list = vec![Vec2::zero(); from.len()];
+    for (to, from) in list.iter_mut().zip(from) {
+        *to = Vec2::new(slopes(&from.x), slopes(&from.y));
+    }
+    list
+}
+
+/// Puts slopes into a list.
+#[inline(always)]
+fn write<R: Real>(from: &[Vec2<R>], to: &mut [Vec2<Dual>]) {
+    for (to, from) in to.iter_mut().zip(from) {
+        for k in 0..R::LANES {
+            to.x.slopes[k] = from.x.get(k);
+            to.y.slopes[k] = from.y.get(k);
+        }
+    }
+}
+
 impl<R: Real> Flow<R> {
-    fn new(from: &Carried<'_>, nodes: usize) -> Self {
-        let read = |list: &[Vec2<Dual>]| -> Vec<Vec2<R>> {
-            list.iter().map(|p| Vec2::new(slopes(&p.x), slopes(&p.y))).collect()
-        };
-        let zeros = || vec![Vec2::zero(); nodes];
+    #[inline(always)]
+    fn new(from: &Carried<'_>) -> Self {
         let Motion { x, v, a, .. } = &*from.motion;
-        let mut a: Vec<Vec2<R>> = read(a);
+        let before = &from.past.before;
+        let zeros = || vec![Vec2::zero(); x.len()];
+        let mut a = read::<R>(a);
         // (What of it is due to the torque stands in the place of the pinned node.)
         a[1] = a[1] - a[0];
         a[0] = Vec2::zero();
@@ -148,35 +173,28 @@ impl<R: Real> Flow<R> {
             v: read(v),
             a,
             torque: R::zero(),
-            material: Material::changing(from.rod),
-            before: [read(&from.past.before.x), read(&from.past.before.v)],
+            material: from.rod.map(Material::new),
+            before: [read(&before.x), read(&before.v)],
             start: [zeros(), zeros()],
             origin: [zeros(), zeros()],
-            slopes: (0..MOST_SLOPES).map(|_| [zeros(), zeros()]).collect(),
+            slopes: vec![[zeros(), zeros()]; MOST_SLOPES],
             work: zeros(),
-            own: zeros(),
-            wide: [zeros(), zeros()],
         }
     }
 
+    #[inline(always)]
     fn write(&self, to: &mut Carried<'_>) {
-        let write = |to: &mut [Vec2<Dual>], from: &[Vec2<R>]| {
-            for (to, from) in to.iter_mut().zip(from) {
-                to.x.slopes = std::array::from_fn(|k| from.x.get(k));
-                to.y.slopes = std::array::from_fn(|k| from.y.get(k));
-            }
-        };
-        write(&mut to.motion.x, &self.x);
-        write(&mut to.motion.v, &self.v);
-        write(&mut to.motion.a, &self.a);
-        write(&mut to.past.before.x, &self.before[0]);
-        write(&mut to.past.before.v, &self.before[1]);
+        write(&self.x, &mut to.motion.x);
+        write(&self.v, &mut to.motion.v);
+        write(&self.a, &mut to.motion.a);
+        write(&self.before[0], &mut to.past.before.x);
+        write(&self.before[1], &mut to.past.before.v);
     }
 
     /// Adds what the torque does to the second node's acceleration, or takes it away, where that node is at `hand`.
     #[inline(always)]
-    fn push(&mut self, linear: &Linear<R>, torque: f64, hand: Vec2<f64>, sign: f64) {
-        let inverse = linear.rod.inverse_mass[1];
+    fn push(&mut self, rod: &Rod<f64>, torque: f64, hand: Vec2<f64>, sign: f64) {
+        let inverse = rod.inverse_mass[1];
         let mut strength = self.torque * R::splat(inverse);
         if let Some(material) = &self.material {
             strength += R::splat(torque) * material.inverse_mass[1];
@@ -186,44 +204,33 @@ impl<R: Real> Flow<R> {
         self.a[1] += push.scale(R::splat(sign));
     }
 
-    /// Takes the forces in `work`, of which the motion's part is there with the opposite sign, to what they are with
-    /// the torque's change and the material's.
+    /// Adds to the changes of the forces in `work` those by the torque and by the material.
     #[inline(always)]
-    fn complete_forces(&mut self, linear: &Linear<R>, (x, v): (&[Vec2<f64>], &[Vec2<f64>])) {
-        let nodes = x.len();
-        for i in 1..nodes {
-            self.work[i] = -self.work[i];
-        }
-        self.work[1] += splat(linear.turns[0]).scale(self.torque);
-        if let Some(material) = &self.material {
-            let [wide_x, wide_v] = &mut self.wide;
-            for i in 0..nodes {
-                (wide_x[i], wide_v[i]) = (splat(x[i]), splat(v[i]));
-            }
-            forces(&material.forces, wide_x, wide_v, &mut self.own);
-            for i in 1..nodes {
-                self.work[i] += self.own[i];
+    fn complete_forces(&mut self, moment: &Moment<'_, R>) {
+        self.work[1] += splat(moment.turn()).scale(self.torque);
+        if let Some(material) = &mut self.material {
+            moment.forces_on(material);
+            for i in 1..self.work.len() {
+                self.work[i] += material.forces[i];
             }
         }
     }
 
     /// A Verlet step.
     #[inline(always)]
-    fn verlet(&mut self, linear: &Linear<R>, moment: (&[Vec2<f64>], &[Vec2<f64>]), dt: f64) {
+    fn verlet(&mut self, moment: &Moment<'_, R>, dt: f64) {
         let nodes = self.x.len();
         let (dt, half) = (R::splat(dt), R::splat(0.5 * dt));
         for i in 1..nodes {
             self.v[i] += self.a[i].scale(half);
             self.x[i] += self.v[i].scale(dt);
-            self.work[i] = Vec2::zero();
         }
-        multiply(&linear.hooks, &self.x[1..], &mut self.work[1..]);
-        linear.damp(&self.v, &mut self.work);
-        self.complete_forces(linear, moment);
+        moment.force_changes([&self.x, &self.v], &mut self.work);
+        self.complete_forces(moment);
         for i in 1..nodes {
-            self.a[i] = self.work[i].scale(R::splat(linear.rod.inverse_mass[i]));
+            self.a[i] = self.work[i].scale(R::splat(moment.rod().inverse_mass[i]));
             if let Some(material) = &self.material {
-                self.a[i] += splat(linear.force[i]).scale(material.inverse_mass[i]);
+                self.a[i] += splat(moment.force(i)).scale(material.inverse_mass[i]);
             }
             self.v[i] += self.a[i].scale(half);
         }
@@ -233,8 +240,7 @@ impl<R: Real> Flow<R> {
     #[inline(always)]
     fn stage(
         &mut self,
-        linear: &Linear<R>,
-        moment: (&[Vec2<f64>], &[Vec2<f64>]),
+        moment: &Moment<'_, R>,
         stage: &Stage<f64>,
         part_begins: bool,
         step_begins: bool,
@@ -245,7 +251,6 @@ impl<R: Real> Flow<R> {
             self.start[0].copy_from_slice(&self.x);
             self.start[1].copy_from_slice(&self.v);
         }
-        let rate = R::splat(stage.rate);
         self.begin(stage);
         if step_begins && !self.before[0].is_empty() {
             self.before[0].copy_from_slice(&self.start[0]);
@@ -253,31 +258,25 @@ impl<R: Real> Flow<R> {
         }
         // Solved for the acceleration, from the forces on a motion without any, which would end at `x` with the velocity
         // of the start: so nothing cancels.
-        let h = R::splat(stage.h);
-        self.work.fill(Vec2::zero());
-        linear.damp(&self.origin[0], &mut self.work);
+        let (h, rate) = (R::splat(stage.h), R::splat(stage.rate));
+        let Flow { x, origin: [x0, v0], .. } = self;
         for i in 1..nodes {
-            self.work[i] = self.work[i].scale(-rate);
-            self.x[i] = self.origin[0][i] + self.origin[1][i].scale(h);
+            x[i] = x0[i] + v0[i].scale(h);
         }
-        multiply(&linear.hooks, &self.x[1..], &mut self.work[1..]);
-        self.complete_forces(linear, moment);
+        moment.force_changes([x, v0], &mut self.work);
+        self.complete_forces(moment);
         if let Some(material) = &self.material {
             for i in 1..nodes {
-                let a = linear.force[i].scale(linear.rod.inverse_mass[i]);
+                let a = moment.force(i).scale(moment.rod().inverse_mass[i]);
                 self.work[i] -= splat(a).scale(material.mass[i]);
             }
         }
-        let (mut descent, mut ascent) = (Descent::default(), Ascent::default());
+        moment.solve(&mut self.work);
+        let Flow { x, v, a, origin: [x0, v0], work, .. } = self;
         for i in 1..nodes {
-            self.work[i] = descent.pass(&linear.eliminated[i - 1].splat(), self.work[i]);
-        }
-        for i in (1..nodes).rev() {
-            let right = &linear.eliminated[i - 1].splat().right;
-            let moved = ascent.pass(right, self.work[i]);
-            self.a[i] = moved.scale(rate * rate);
-            self.v[i] = self.origin[1][i] + self.a[i].scale(h);
-            self.x[i] = self.origin[0][i] + self.v[i].scale(h);
+            a[i] = work[i].scale(rate * rate);
+            v[i] = v0[i] + a[i].scale(h);
+            x[i] = x0[i] + v[i].scale(h);
         }
         if let Origin::Slopes { from, .. } = stage.origin
             && !stage.last

@@ -36,9 +36,11 @@ pub struct Tape {
 }
 
 impl Tape {
-    /// An empty one for rods of `nodes` nodes.
-    pub fn new(nodes: usize) -> Self {
-        Tape { nodes, moves: vec![], x: vec![], v: vec![], more: vec![], step: 0, part: 0 }
+    /// An empty one for rods of `nodes` nodes, with memory for so many moments.
+    pub fn new(nodes: usize, moments: usize) -> Self {
+        let memory = || Vec::with_capacity(moments * nodes);
+        let moves = Vec::with_capacity(moments);
+        Tape { nodes, moves, x: memory(), v: memory(), more: vec![], step: 0, part: 0 }
     }
 
     /// How the moments were come to.

@@ -6,6 +6,18 @@ use crate::rod::{Motion, Rod, forces};
 use crate::vec2::Vec2;
 use crate::watch::Watch;
 
+/// Who is told of the moments at which steps take forces.
+pub trait Witness<R> {
+    /// Positions at such a moment, and velocities, which are those of the half step.
+    fn forces_taken(&mut self, x: &[Vec2<R>], v: &[Vec2<R>]);
+}
+
+/// Nobody.
+impl<R> Witness<R> for () {
+    #[inline(always)]
+    fn forces_taken(&mut self, _x: &[Vec2<R>], _v: &[Vec2<R>]) {}
+}
+
 /// Steps between two looks at who watches.
 const LOOK: usize = 64;
 
@@ -30,6 +42,7 @@ pub fn verlet<R: Real>(
     dt: f64,
     steps: usize,
     watch: Watch<'_>,
+    witness: &mut impl Witness<R>,
 ) -> R::Mask {
     let nodes = rod.nodes();
     let (dt, half) = (R::splat(dt), R::splat(0.5 * dt));
@@ -49,6 +62,7 @@ pub fn verlet<R: Real>(
                 x[i] += v[i].scale(dt);
             }
             let shape = forces(rod, x, v, a);
+            witness.forces_taken(x, v);
             accelerate(rod, a);
             openness = openness.min(shape.openness);
             base = shape.base;

@@ -122,7 +122,7 @@ impl BareFin {
             })
             .collect();
         let mut sim = self.clone();
-        let mut tape = Tape::new(self.body.nodes());
+        let mut tape = Tape::new(self.body.nodes(), n.min(TAPE as u64) as usize);
         let mut left = n;
         while left > 0 && !watch.stops() {
             tape.clear();
@@ -191,7 +191,7 @@ impl BareFin {
             }
             let mut left = n - (tapes - 1) * TAPE as u64;
             for start in starts.into_iter().rev() {
-                let mut tape = Tape::new(self.body.nodes());
+                let mut tape = Tape::new(self.body.nodes(), left as usize);
                 let mut sim = start.clone();
                 for _ in 0..left {
                     sim.record(pitch, Watch::nobody(), &mut tape)?;
@@ -220,7 +220,7 @@ impl BareFin {
     /// A step that fails in the smallest parts.
     pub fn tape(&self, pitch: f64, n: usize) -> Result<Tape> {
         let mut sim = self.clone();
-        let mut tape = Tape::new(self.body.nodes());
+        let mut tape = Tape::new(self.body.nodes(), n);
         for _ in 0..n {
             sim.record(pitch, Watch::nobody(), &mut tape)?;
         }

@@ -114,7 +114,7 @@ impl Stepper<f64> for Written {
 
 /// Takes a control step, written down; `None` where the solver gave up.
 pub(in crate::fin) fn advance(config: &Config, plant: &mut Plant<f64>, told: Told) -> Option<Tape> {
-    let mut written = Written(Tape::new(plant.body.nodes()));
+    let mut written = Written(Tape::new(plant.body.nodes(), config.substeps));
     let sound = plant.control_step_by(config, told.action, told.disturbance, &mut written);
     sound.then_some(written.0)
 }

@@ -25,6 +25,7 @@ import rodgym.sb3
 from rodgym.distil.dagger import VALIDATION_SEEDS
 from rodgym.distil.policy import KIND, read
 from rodgym.distil.student import Student
+from rodgym.distil.tuning import Tuning
 from rodgym.evaluation import evaluate
 from rodgym.evaluation.policies import CARD, Policy, PolicyError, Stacked, find, read_card
 from rodgym.progress import Bar
@@ -32,25 +33,6 @@ from rodgym.runs import Run, versions, write_csv
 from rodgym.training.own_actions import OwnActions
 from rodgym.training.staggered import Staggered
 
-#: PPO from a student: careful steps, little noise about what works already.
-HYPERPARAMS: dict[str, Any] = {
-    "n_steps": 64,
-    "batch_size": 2048,
-    "n_epochs": 8,
-    "gamma": 0.97,
-    "gae_lambda": 0.9,
-    "clip_range": 0.1,
-    "max_grad_norm": 0.5,
-}
-#: Standard deviation of the actions, at first; logarithm.
-LOG_STD = -2.5
-#: First learning rate of the actor; it falls to zero.
-LEARNING_RATE = 5e-4
-#: That of the critic alone, which has all to learn.
-CRITIC_RATE = 2e-3
-ENVS = 128
-#: Share of the steps in which the critic learns alone.
-CRITIC_ALONE = 0.2
 #: Stages that are validated.
 VALIDATIONS = 20
 CURVE = ("steps", "seconds", "cpu_seconds", "return", "return_low", "return_high")
@@ -71,11 +53,21 @@ class FineTuning:
 
 
 def fine_tune(
-    source: str, run: Run, *, steps: int = 1_000_000, seed: int = 0, quiet: bool = False
+    source: str,
+    run: Run,
+    *,
+    tuning: Tuning | None = None,
+    steps: int | None = None,
+    seed: int = 0,
+    quiet: bool = False,
 ) -> FineTuning:
     """Trains PPO from a student's file and saves ``policy.zip``, a file of Stable-Baselines3.
 
     Ctrl-C ends it after the current step; the best stage is kept.
+
+    Arguments:
+        tuning: how PPO goes on; None: as the recipe by which the student was taught says.
+        steps: environment steps, in place of those of `tuning`.
 
     Raises:
         PolicyError: no student, or one with a memory, which PPO has no place for.
@@ -90,7 +82,9 @@ def fine_tune(
         raise PolicyError(f"{path} is a gru: only an mlp can be fine-tuned")
     env_id, env_kwargs = card["env"], card["env_kwargs"]
     shape = student.shape
-    env: VecEnv = rodgym.sb3.make_vec_env(env_id, ENVS, seed, env_kwargs=dict(env_kwargs))
+    tuning = tuning or Tuning().with_changes(card["recipe"].get("fine_tune", {}))
+    tuning = tuning.with_changes({"steps": steps or tuning.steps})
+    env: VecEnv = rodgym.sb3.make_vec_env(env_id, tuning.n_envs, seed, env_kwargs=dict(env_kwargs))
     # In step, all rods would swing up in one rollout and stand in the next seven.
     env = Staggered(env)
     env = OwnActions(env) if shape.own_actions else env
@@ -99,23 +93,23 @@ def fine_tune(
     model = PPO(
         "MlpPolicy",
         env,
-        learning_rate=learning_rate,
+        learning_rate=tuning.rate,
         policy_kwargs={
             "net_arch": {"pi": hidden, "vf": hidden},
             "activation_fn": getattr(nn, shape.activation),
-            "log_std_init": LOG_STD,
+            "log_std_init": tuning.log_std_init,
         },
         seed=seed,
         device="cpu",
-        **HYPERPARAMS,
+        **tuning.of_ppo(),
     )
     put(student, model)
     policy_file = run.file("policy.zip")
     interrupted = False
-    with Bar("fine-tuning by PPO", steps, quiet) as bar:
-        watch = Watch(env_id, env_kwargs, student, steps, bar)
+    with Bar("fine-tuning by PPO", tuning.steps, quiet) as bar:
+        watch = Watch(env_id, env_kwargs, student, tuning, bar)
         try:
-            model.learn(steps, callback=watch)
+            model.learn(tuning.steps, callback=watch)
             watch.validate()
         except KeyboardInterrupt:
             interrupted = True
@@ -130,7 +124,7 @@ def fine_tune(
         "frame_stack": shape.frames,
         "own_actions": shape.own_actions,
         "student": {key: card[key] for key in ("teacher", "seed", "best_round", "recipe")},
-        "recipe": {**HYPERPARAMS, "learning_rate": LEARNING_RATE, "log_std_init": LOG_STD},
+        "recipe": tuning.as_dict(),
         "seed": seed,
         "steps": model.num_timesteps,
         "best_steps": watch.best_steps,
@@ -150,11 +144,6 @@ def fine_tune(
         seconds=time.perf_counter() - watch.began,
         interrupted=interrupted,
     )
-
-
-def learning_rate(remaining: float) -> float:
-    """The learning rate, by the share of the steps that remain."""
-    return CRITIC_RATE if remaining > 1 - CRITIC_ALONE else LEARNING_RATE * remaining
 
 
 def actor_of(model: PPO) -> list[nn.Module]:
@@ -182,13 +171,13 @@ class Watch(BaseCallback):
     """Lets the critic learn alone at first, validates stages, keeps the best one."""
 
     def __init__(
-        self, env_id: str, env_kwargs: Mapping[str, Any], student: Student, steps: int, bar: Bar
+        self, env_id: str, env_kwargs: Mapping[str, Any], student: Student, tuning: Tuning, bar: Bar
     ) -> None:
         super().__init__()
         self.env_id, self.env_kwargs = env_id, env_kwargs
         self.shape = student.shape
-        self.alone = CRITIC_ALONE * steps
-        self.every = max(1, steps // VALIDATIONS)
+        self.alone = tuning.critic_alone * tuning.steps
+        self.every = max(1, tuning.steps // VALIDATIONS)
         self.bar = bar
         self.columns: tuple[str, ...] = CURVE
         self.curve: list[tuple[float, ...]] = []

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from rodgym import RodgymError
+from rodgym.distil.checked import Checked, RecipeError, number, whole
 from rodgym.distil.student import ACTIVATIONS, NETS
+from rodgym.distil.tuning import Tuning
 from rodgym.zoo import ZOO
 
 #: The recipes that come with rodgym.
@@ -20,12 +21,8 @@ COUNTS: dict[str, int] = {
 }  # fmt: skip
 
 
-class RecipeError(RodgymError, ValueError):
-    """A recipe that is missing or cannot be used."""
-
-
 @dataclass(frozen=True)
-class Recipe:
+class Recipe(Checked):
     """Teacher, student, and the rounds between them.
 
     Parameters
@@ -44,6 +41,7 @@ class Recipe:
         delays: `[{actuator_delay: 0}, {actuator_delay: 0.01}]`
     env_kwargs: keywords of the environment, unless others are given
     sight: keywords of the teacher's environment; None: everything, without noise
+    fine_tune: how PPO goes on from the student, see `Tuning`
     """
 
     teacher: str = "lqr"
@@ -64,6 +62,7 @@ class Recipe:
     variants: tuple[Mapping[str, Any], ...] = ({},)
     env_kwargs: Mapping[str, Any] = field(default_factory=dict)
     sight: Mapping[str, Any] | None = None
+    fine_tune: Tuning = field(default_factory=Tuning)
 
     def __post_init__(self) -> None:
         for name, most in COUNTS.items():
@@ -90,52 +89,15 @@ class Recipe:
         self._check(
             "sight", self.sight is None or isinstance(self.sight, Mapping), "a dictionary, or null"
         )
-
-    def _check(self, name: str, fits: bool, allowed: str) -> None:
-        if not fits:
-            value = getattr(self, name)
-            raise RecipeError(f"{name} = {value!r} is not allowed: it must be {allowed}")
-
-    def _list(self, name: str, fits: Any, allowed: str) -> None:
-        value = getattr(self, name)
-        good = isinstance(value, Sequence) and not isinstance(value, str) and all(map(fits, value))
-        self._check(name, good, f"a list of {allowed}")
-        object.__setattr__(self, name, tuple(value))
+        if not isinstance(self.fine_tune, Tuning):
+            self._check("fine_tune", isinstance(self.fine_tune, Mapping), "a dictionary")
+            object.__setattr__(self, "fine_tune", Tuning().with_changes(self.fine_tune))
 
     @property
     def lessons(self) -> tuple[int, int]:
         """Minibatches of a round, and their size."""
         count, size = (600, 1024) if self.net == "mlp" else (60, 16)
         return self.batches or count, self.batch_size or size
-
-    def with_changes(self, changes: Mapping[str, Any]) -> Recipe:
-        """Returns this recipe with some values changed.
-
-        Raises:
-            RecipeError: a name that no recipe has, or a value that is not allowed.
-        """
-        known = [one.name for one in fields(self)]
-        for name in changes:
-            if name not in known:
-                raise RecipeError(f"{name!r} is not in a recipe: it has {', '.join(known)}")
-        return replace(self, **changes)
-
-    def as_dict(self) -> dict[str, Any]:
-        """All of it, as in a YAML entry."""
-        return {
-            name: list(value) if isinstance(value, tuple) else value
-            for name, value in asdict(self).items()
-        }
-
-
-def whole(value: Any) -> bool:
-    """Whether it is a whole number; true and false are none."""
-    return isinstance(value, int) and not isinstance(value, bool)
-
-
-def number(value: Any) -> bool:
-    """Whether it is a number; true and false are none."""
-    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def load_recipe(env_id: str, source: str | None = None) -> Recipe:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
+from rodgym.lab.by_simplex import fit_by_simplex
 from rodgym.lab.errors import (
     AxisError,
     CalibrationError,
@@ -59,6 +60,7 @@ __all__ = [
     "UnitsError",
     "fit",
     "fit_as_the_thesis",
+    "fit_by_simplex",
     "fit_fin",
     "fluid_force",
     "keywords",

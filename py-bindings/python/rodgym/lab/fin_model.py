@@ -61,11 +61,13 @@ def refined(keywords: Mapping[str, Any], parts: int) -> dict[str, Any]:
     """Keywords of the same fin with every edge cut in so many.
 
     Thickness and area are linear between the given nodes. The drive holds the fin from the pivot to
-    the next given node, as it does with few nodes.
+    the next given node, as it does with few nodes. The damping is that of each given node: more
+    nodes share it.
     """
     if parts == 1:
         return dict(keywords)
-    config = Fin(**keywords).config
+    fin = Fin(**keywords)
+    config = fin.config
     shape, profile = config["geometry"], np.array(config["stiffness_profile"])
     nodes = len(shape["widths"])
     at = np.linspace(0, nodes - 1, (nodes - 1) * parts + 1)
@@ -78,6 +80,7 @@ def refined(keywords: Mapping[str, Any], parts: int) -> dict[str, Any]:
     stiffness[pivot + 1 : pivot + parts] = CLAMPED
     return {
         **keywords,
+        "damping": fin.parameters["damping"] / parts,
         "geometry": {
             "edge_length": shape["edge_length"] / parts,
             "height": shape["height"],
@@ -289,7 +292,7 @@ class FinModel:
         """
         values = {name: float(v) for name, v in zip(self.free, np.exp(x), strict=False)}
         times, pitch = self._drive(one)
-        keywords = {**refined(self.known, self.parts), **values}
+        keywords = refined({**self.known, **values}, self.parts)
         low, _ = between(times, one.tracks.times + clock)
         needed = np.unique(np.concatenate([low, low + 1]))
         return pitched(keywords, times, pitch + x[self.clamp], tuple(one.loads), needed)

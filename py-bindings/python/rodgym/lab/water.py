@@ -39,7 +39,9 @@ class WaterForce:
     times: [s], (frames,)
     force: on the fin, x downstream and y to the side [N], (frames, 2)
     deviation: what the noise of the tracks makes of it [N], (frames, 2)
+    mount_deviation: the same of `mount_thrust` [N], (frames,)
     parts: the same by cause, `momentum`, `gradient`, `wake` and `resistive`, (frames, 2) each
+    inertia: change of the fin's own momentum [N], (frames, 2)
     noise: of the tracks, as the polynomials leave it [m]
     """
 
@@ -47,12 +49,19 @@ class WaterForce:
     force: Array
     deviation: Array
     parts: Mapping[str, Array]
+    inertia: Array
+    mount_deviation: Array
     noise: float
 
     @property
     def thrust(self) -> Array:
         """Force along -x [N]."""
         return -self.force[:, 0]
+
+    @property
+    def mount_thrust(self) -> Array:
+        """Force with which the fin pulls its mount along -x [N], which a load cell measures."""
+        return self.thrust + self.inertia[:, 0]
 
     @property
     def band(self) -> tuple[Array, Array]:
@@ -97,13 +106,27 @@ def fluid_force(
     points, rates = smooth(np.nan_to_num(tracks.points))
     noise = smooth.noise(tracks.points, points)
     momentum = Smoother(tracks.times, np.ones((len(tracks.times), 1), bool), window)
+    masses = _masses(model) @ spread
+
+    def inertia(rates: Array) -> Array:
+        return momentum((masses @ rates)[:, np.newaxis])[1][:, 0]
+
     parts = _forces(model, spread, points, rates, momentum)
-    random, drawn = np.random.default_rng(seed), []
+    random, drawn, mounts = np.random.default_rng(seed), [], []
     for _ in range(DRAWS):
-        noisy = points + random.normal(0.0, noise, points.shape)
-        drawn.append(_sum(_forces(model, spread, *smooth(noisy), momentum)))
-    force = _sum(parts)
-    return WaterForce(tracks.times, force, np.std(drawn, axis=0, ddof=1), parts, noise)
+        noisy = smooth(points + random.normal(0.0, noise, points.shape))
+        drawn.append(_sum(_forces(model, spread, *noisy, momentum)))
+        mounts.append(inertia(noisy[1])[:, 0] - drawn[-1][:, 0])
+    force, mount = (np.std(one, axis=0, ddof=1) for one in (drawn, mounts))
+    return WaterForce(tracks.times, _sum(parts), force, parts, inertia(rates), mount, noise)
+
+
+def _masses(model: Fin) -> Array:
+    """Of the nodes [kg] (thesis 2.4, 2.5): half of each edge's to either end."""
+    shape = model.config["geometry"]
+    areas = np.array(shape["areas"])
+    edges = model.parameters["density"] * shape["edge_length"] * (areas[1:] + areas[:-1]) / 2
+    return np.asarray((np.append(edges, 0.0) + np.append(0.0, edges)) / 2)
 
 
 def _forces(

@@ -62,7 +62,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="fine-tune this student instead of teaching one",
     )
     parser.add_argument(
-        "--steps", type=positive, metavar="N", help="environment steps of PPO (default 1e6)"
+        "--steps",
+        type=positive,
+        metavar="N",
+        help="environment steps of PPO (default: the recipe's)",
     )
     parser.add_argument(
         "--seed", type=seed, default=0, metavar="N", help="seed of the student (default 0)"
@@ -107,7 +110,7 @@ def run(args: argparse.Namespace) -> int:
 
         if is_zoo(made):
             made = str(of_zoo(made, args.env))
-        result = fine_tune(made, tuned, steps=args.steps or 1_000_000, seed=args.seed)
+        result = fine_tune(made, tuned, steps=args.steps, seed=args.seed)
         tuned.facts |= {"student": made, "seed": result.seed}
         tuned.write_facts()
         last = "interrupted after" if result.interrupted else "fine-tuned for"

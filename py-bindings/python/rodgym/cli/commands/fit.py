@@ -14,6 +14,7 @@ from rodgym.cli.reading import add_reading, names, reading
 
 SUMMARY = "fit a rod's parameters to a film of it"
 EXAMPLES = """
+rodgym fit example:pendulum --known width=0.007 --known length=0.3
 rodgym fit film.csv --known width=0.007 --known length=0.3
 rodgym fit film.csv --free youngs_modulus,bending_damping --known density=1180 --out fit
 rodgym fit film.csv --unit mm --y down --start youngs_modulus=2e6
@@ -30,11 +31,12 @@ MACHINES = ("pendulum", "fin")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "film",
-        type=Path,
+        type=table,
         nargs="+",
         help="tracks: CSV or Parquet with time,x1,y1,...,xN,yN (seconds and metres, base or nose "
         "first, y up; an empty cell is a lost marker), or a file of 'rodgym track', DeepLabCut, "
-        "DLTdv8, SLEAP or Tracker; of a fin several",
+        "DLTdv8, SLEAP or Tracker; of a fin several; example:pendulum and example:fin are "
+        "synthetic ones to try with",
     )
     parser.add_argument(
         "--machine",
@@ -44,13 +46,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--bench",
-        type=Path,
+        type=table,
         nargs="+",
         default=[],
         metavar="FILE",
         help="what drove it, by the film's clock: CSV with 'time,torque [Nm]' of a pendulum's "
         "base; of a fin, one for each film, 'time,pitch [deg],thrust [N],torque [Nm]', where the "
-        "last two may be left out",
+        "last two may be left out (example:fin-bench)",
     )
     parser.add_argument(
         "--on",
@@ -118,6 +120,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", type=Path, default=Path("fit"), metavar="DIR", help="folder of the results"
     )
+
+
+def table(text: str) -> Path:
+    """A file's path; ``example:pendulum`` is one that comes with rodgym."""
+    start, _, name = text.partition(":")
+    if start != "example":
+        return Path(text)
+    from rodgym.errors import ParameterError
+    from rodgym.lab import examples
+
+    try:
+        return examples.path(name)
+    except ParameterError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
 
 
 def value(text: str) -> tuple[str, Any]:
