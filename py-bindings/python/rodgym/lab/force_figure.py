@@ -36,11 +36,10 @@ def thrust_over_phase(
     ------
     RecordingError: no thrust was measured, or of too few periods
     """
-    if "thrust" not in recording.loads:
+    thrust = recording.loads.get("thrust")
+    if thrust is None:
         raise RecordingError("no cell measured the thrust")
-    bench = Signals(
-        recording.times, {"pitch": recording.pitch, "thrust": recording.loads["thrust"]}
-    )
+    bench = Signals(recording.times, {"pitch": recording.pitch, "thrust": thrust})
     if period is None:
         # (The drive sets in slowly: what comes after tells the period better.)
         late = bench.times >= bench.times[0] + SETTLING * period_of(bench, "pitch")

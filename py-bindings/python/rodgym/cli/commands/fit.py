@@ -6,6 +6,8 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +26,6 @@ rodgym fit track/tracks.csv --on film.mp4 --known width=0.007 --known length=0.3
 rodgym fit fin.csv --machine fin --bench bench.csv --known flow_speed=0.05
 rodgym fit slow.csv fast.csv --machine fin --bench slow-bench.csv fast-bench.csv
 """
-#: Machines whose films are understood.
-MACHINES = ("pendulum", "fin")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -40,8 +40,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--machine",
-        choices=MACHINES,
-        default=MACHINES[0],
+        choices=tuple(MACHINES),
+        default=next(iter(MACHINES)),
         help="what was filmed (default pendulum)",
     )
     parser.add_argument(
@@ -161,7 +161,8 @@ def run(args: argparse.Namespace) -> int:
 
     view = seen(args)
     films = [lab.read_tracks(film, **reading(args)) for film in args.film]
-    found = (pendulum if args.machine == "pendulum" else fin)(args, films)
+    machine = MACHINES[args.machine]
+    found = machine.fit(args, films)
     folder = Run(args.out.name, args.out.parent)
     found.write(folder.file("rod.yml"))
     folder.facts |= {
@@ -172,16 +173,8 @@ def run(args: argparse.Namespace) -> int:
     folder.write_facts()
     subject = ", ".join(film.name for film in args.film)
     sheet = None if view is None else on_film(folder.file("on-film.png"), args.on, view, found)
-    if args.machine == "pendulum":
-        from rodgym.lab.report import write_report
-
-        write_report(folder, found, subject, sheet)
-        tell(found, print)
-    else:
-        from rodgym.lab.fin_report import write_report as write_fin_report
-
-        write_fin_report(folder, found, subject, sheet)
-        tell_fin(found, print)
+    import_module(machine.report).write_report(folder, found, subject, sheet)
+    machine.tell(found, print)
     print(f"rod: {folder.file('rod.yml')}   report: {folder.file('report.html')}")
     return 0
 
@@ -287,3 +280,19 @@ def tell_values(found: Any, values: Any, say: Callable[[str], None]) -> None:
         say(f"{name} = {best:.5g}   (95 %: {low:.5g} to {high:.5g})")
     for name, advice in found.not_identifiable.items():
         say(f"{name} is not identifiable from this film: {advice}")
+
+
+@dataclass(frozen=True)
+class Filmed:
+    """What is done with films of a machine: the fit, its words, and the module of its report."""
+
+    fit: Callable[[argparse.Namespace, list[Any]], Any]
+    tell: Callable[[Any, Callable[[str], None]], None]
+    report: str
+
+
+#: Machines whose films are understood; the first is the usual one.
+MACHINES = {
+    "pendulum": Filmed(pendulum, tell, "rodgym.lab.report"),
+    "fin": Filmed(fin, tell_fin, "rodgym.lab.fin_report"),
+}
