@@ -4,8 +4,8 @@
 use rodgym_core::catalog::{MakeOptions, make};
 use rodgym_core::env::{AutoresetMode, ResetOptions, Seeds, StepBuffer, VectorEnv};
 use rodgym_core::fin::{BareFin, Body};
-use rodgym_core::isa::{ForLanes, Isa, Kernel, dispatch, with_lanes};
-use rodgym_core::lane::{Lanewise, Mask, Real};
+use rodgym_core::isa::{ForLanes, Isa, with_lanes};
+use rodgym_core::lane::{Kernel, Lanewise, Mask, Real};
 use rodgym_core::pendulum::BarePendulum;
 use rodgym_core::rod::{Motion, Rod, Uniform};
 use rodgym_core::simulation::Simulation;
@@ -48,7 +48,6 @@ fn rod() -> Rod<f64> {
 
 /// Runs of a control step in lanes: two for every number of the state and for the torque.
 struct Differences {
-    isa: Isa,
     scheme: Scheme,
     dt: f64,
     start: Motion<f64>,
@@ -78,7 +77,7 @@ impl<R: Real> Kernel for Runs<'_, R> {
 impl ForLanes for Differences {
     type Output = f64;
     fn make<R: Real>(self) -> f64 {
-        let Differences { isa, scheme, dt, start, states } = self;
+        let Differences { scheme, dt, start, states } = self;
         let mut rods = Rod::<R>::new(NODES);
         let mut wide = Motion::<R>::new(NODES);
         for lane in 0..R::LANES {
@@ -101,14 +100,13 @@ impl ForLanes for Differences {
                 motion.copy_from(start);
             }
             let (rods, integrator, motions) = (&rods, &mut integrator, &mut motions[..]);
-            assert!(dispatch(isa, Runs { rods, integrator, motions, steps }));
+            assert!(R::run(Runs { rods, integrator, motions, steps }));
         })
     }
 }
 
 /// Runs of a control step of a fin in lanes.
 struct FinDifferences<'a> {
-    isa: Isa,
     fin: &'a Body<f64>,
     pitches: &'a [f64],
     states: usize,
@@ -136,7 +134,7 @@ impl<R: Real> Kernel for FinRuns<'_, R> {
 impl ForLanes for FinDifferences<'_> {
     type Output = f64;
     fn make<R: Real>(self) -> f64 {
-        let FinDifferences { isa, fin, pitches, states } = self;
+        let FinDifferences { fin, pitches, states } = self;
         let mut wide = Body::<R>::new(fin.design.as_ref().clone()).expect("it is one");
         for lane in 0..R::LANES {
             wide.set_lane(lane, fin);
@@ -150,7 +148,7 @@ impl ForLanes for FinDifferences<'_> {
             for (body, start) in bodies.iter_mut().zip(&starts) {
                 body.copy_from(start);
             }
-            assert!(dispatch(isa, FinRuns { bodies: &mut bodies, pitches }));
+            assert!(R::run(FinRuns { bodies: &mut bodies, pitches }));
         })
     }
 }
@@ -195,7 +193,7 @@ fn fins(isa: Isa) {
         let states = gradient.len();
         let pitches = vec![pitch; steps];
         let differences =
-            with_lanes(isa, FinDifferences { isa, fin: sim.body(), pitches: &pitches, states });
+            with_lanes(isa, FinDifferences { fin: sim.body(), pitches: &pitches, states });
         println!(
             "| {water} | {stepper} | {:.1} ms | {plain:.1} | {own:.1} | {all:.1} | {differences:.1} | {:.2} | {back:.1} | {:.1} |",
             dt * 1e3,
@@ -298,7 +296,7 @@ fn main() {
         let back = median(|| {
             black_box(sim.pull_back(TORQUE, steps, &[], &gradient).expect("it steps"));
         });
-        let differences = with_lanes(isa, Differences { isa, scheme, dt, start, states });
+        let differences = with_lanes(isa, Differences { scheme, dt, start, states });
         println!(
             "| {} | {:.1} ms | {plain:.1} | {own:.1} | {all:.1} | {differences:.1} | {:.2} | {back:.1} | {:.1} |",
             scheme.name(),

@@ -6,8 +6,8 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use rodgym_core::batch::Machine;
 use rodgym_core::catalog::{MakeOptions, make};
 use rodgym_core::env::{AutoresetMode, ResetOptions, Seeds, StepBuffer};
-use rodgym_core::isa::{ForLanes, Isa, Kernel, dispatch, with_lanes};
-use rodgym_core::lane::Real;
+use rodgym_core::isa::{ForLanes, Isa, with_lanes};
+use rodgym_core::lane::{Kernel, Real};
 use rodgym_core::pendulum::{Pendulum, Plant, Setup};
 use rodgym_core::watch::Watch;
 use serde_json::{Map, Value, json};
@@ -42,14 +42,14 @@ impl<R: Real> Kernel for Bare<'_, R> {
 }
 
 /// Plants in blocks of lanes, as a function that steps them all once.
-struct Blocks(Pendulum, Isa);
+struct Blocks(Pendulum);
 
 impl ForLanes for Blocks {
     type Output = Box<dyn FnMut()>;
     fn make<R: Real>(self) -> Self::Output {
-        let Blocks(machine, isa) = self;
+        let Blocks(machine) = self;
         let mut plants = vec![machine.new_plant::<R>(); ENVS / R::LANES];
-        Box::new(move || plants.iter_mut().for_each(|p| dispatch(isa, Bare(p, &machine))))
+        Box::new(move || plants.iter_mut().for_each(|p| R::run(Bare(p, &machine))))
     }
 }
 
@@ -58,8 +58,7 @@ fn physics(criterion: &mut Criterion) {
     group.throughput(Throughput::Elements(ENVS as u64)).sample_size(10);
     for (name, kwargs) in variants() {
         let machine = Pendulum::new(&Setup::default(), &map(&kwargs)).unwrap();
-        let isa = Isa::current().unwrap();
-        let mut step = with_lanes(isa, Blocks(machine, isa));
+        let mut step = with_lanes(Isa::current().unwrap(), Blocks(machine));
         group.bench_function(name, |b| b.iter(&mut step));
     }
 }

@@ -9,8 +9,8 @@
 //! wanted or the rod was given up, and `cost` is in CPU seconds a rod. Neighbouring lines of the same nodes, scheme and
 //! step run side by side in lanes.
 
-use rodgym_core::isa::{ForLanes, Isa, Kernel, dispatch, with_lanes};
-use rodgym_core::lane::{Lanewise, Mask, Real};
+use rodgym_core::isa::{ForLanes, Isa, with_lanes};
+use rodgym_core::lane::{Kernel, Lanewise, Mask, Real};
 use rodgym_core::pendulum::accuracy::choose;
 use rodgym_core::rod::{Motion, Rod, Uniform, energy};
 use rodgym_core::solver::{Constant, Integrator, Scheme};
@@ -82,14 +82,14 @@ impl<R: Real> Kernel for Run<'_, R> {
     }
 }
 
-struct Block<'a>(&'a [Job], Isa);
+struct Block<'a>(&'a [Job]);
 
 impl ForLanes for Block<'_> {
     /// Of each job: tip, lost share of the energy, cost.
     type Output = Vec<(Vec2<f64>, f64, f64)>;
 
     fn make<R: Real>(self) -> Self::Output {
-        let Block(jobs, isa) = self;
+        let Block(jobs) = self;
         let Job { rod: Uniform { nodes, .. }, scheme, steps, energy: wanted, .. } = jobs[0];
         let mut rod = Rod::<R>::new(nodes);
         let mut motion = Motion::<R>::new(nodes);
@@ -110,7 +110,7 @@ impl ForLanes for Block<'_> {
         let mut swing = |motion: &mut Motion<R>, mut left: usize| {
             while left > 0 {
                 let run = left.min(RUN);
-                let went = dispatch(isa, Run(&mut integrator, &rod, motion, run));
+                let went = R::run(Run(&mut integrator, &rod, motion, run));
                 (0..LANES).for_each(|lane| sound[lane] &= went.get(lane));
                 left -= run;
             }
@@ -169,7 +169,7 @@ fn main() {
     let jobs: Vec<Job> = lines.map(Job::read).collect();
     for kind in jobs.chunk_by(|a, b| a.kind() == b.kind()) {
         for block in kind.chunks(LANES) {
-            let results = with_lanes(isa, Block(block, isa));
+            let results = with_lanes(isa, Block(block));
             for (job, (tip, lost, cost)) in block.iter().zip(results) {
                 writeln!(out, "{} {:.15e} {:.15e} {lost:.6e} {cost:.4e}", job.line, tip.x, tip.y)
                     .and_then(|()| out.flush())

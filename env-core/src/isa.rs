@@ -1,8 +1,8 @@
 //! Which vector instructions the lanes use, chosen when the program runs.
 //!
-//! The physics is compiled once for each instruction set from the same generic source: `with_lanes` names the number
-//! type, and everything below a `Kernel::run` is `#[inline(always)]`, so it takes on the features of the function
-//! that it is inlined into. Results do not depend on the choice (no fused or approximate operation is used).
+//! The physics is compiled once for each number type from the same generic source: `with_lanes` names the type, and
+//! `Real::run` runs a kernel with that type's instructions. Results do not depend on the choice (no fused or approximate
+//! operation is used).
 
 use crate::error::{Error, Result};
 #[cfg(target_arch = "x86_64")]
@@ -71,7 +71,7 @@ impl Isa {
     }
 }
 
-/// Whether every feature that `dispatch` enables for AVX-512 is there.
+/// Whether every feature that kernels of `Avx512` are compiled for is there.
 #[cfg(target_arch = "x86_64")]
 fn has_avx512() -> bool {
     is_x86_feature_detected!("avx512f")
@@ -88,8 +88,7 @@ pub trait ForLanes {
     fn make<R: Real>(self) -> Self::Output;
 }
 
-/// Makes something for the number type that suits the instruction set. What is done with it later must run with
-/// that set, too: see `dispatch`.
+/// Makes something for the number type that suits the instruction set.
 ///
 /// # Panics
 /// When this machine lacks the instruction set.
@@ -101,49 +100,5 @@ pub fn with_lanes<T: ForLanes>(isa: Isa, what: T) -> T::Output {
         #[cfg(target_arch = "x86_64")]
         Isa::Avx2 => what.make::<Avx2>(),
         _ => what.make::<Lanes<8>>(),
-    }
-}
-
-/// Work to be compiled for each instruction set. `run` must be `#[inline(always)]`.
-pub trait Kernel {
-    /// What the work returns.
-    type Output;
-    /// Does the work.
-    fn run(self) -> Self::Output;
-}
-
-/// Runs a kernel with the given instruction set.
-///
-/// # Panics
-/// When this machine lacks the instruction set.
-pub fn dispatch<K: Kernel>(isa: Isa, kernel: K) -> K::Output {
-    #[cfg(target_arch = "x86_64")]
-    {
-        #[target_feature(enable = "avx2")]
-        fn avx2<K: Kernel>(kernel: K) -> K::Output {
-            kernel.run()
-        }
-        #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw")]
-        fn avx512<K: Kernel>(kernel: K) -> K::Output {
-            kernel.run()
-        }
-        match isa {
-            Isa::Baseline => kernel.run(),
-            Isa::Avx2 => {
-                assert!(is_x86_feature_detected!("avx2"), "this machine has no AVX2");
-                // SAFETY: the feature was just checked (the check is a cached load).
-                unsafe { avx2(kernel) }
-            }
-            Isa::Avx512 => {
-                assert!(has_avx512(), "this machine has no AVX-512");
-                // SAFETY: the features were just checked.
-                unsafe { avx512(kernel) }
-            }
-        }
-    }
-    #[cfg(not(target_arch = "x86_64"))]
-    {
-        assert!(isa == Isa::Baseline, "this machine has only the baseline");
-        kernel.run()
     }
 }

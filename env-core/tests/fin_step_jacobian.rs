@@ -8,7 +8,6 @@ use rodgym_core::batch::{Batch, BatchOptions, Machine, Task};
 use rodgym_core::env::{AutoresetMode, ResetOptions, Seeds, StepBuffer, VectorEnv};
 use rodgym_core::fin::tasks::{Efficiency, Swim, Thrust};
 use rodgym_core::fin::{Fin, Parameters, Plant};
-use rodgym_core::isa::Isa;
 use rodgym_core::lane::Lanewise;
 use rodgym_core::seed::Stream;
 use rodgym_core::snapshot::Snapshot;
@@ -30,8 +29,8 @@ fn beating<T: Task<Machine = Fin>>(
         max_episode_steps: None,
         num_threads: 1,
     };
-    let mut env = Batch::<Fin, f64>::new("rodgym/Fin", task, given, &options, Isa::Baseline)
-        .expect("keywords are allowed");
+    let mut env =
+        Batch::<Fin, f64>::new("rodgym/Fin", task, given, &options).expect("keywords are allowed");
     let mut buffer = StepBuffer::new(env.spec(), 3);
     env.reset(&Seeds::Base(7), None, &ResetOptions::default(), buffer.data()).expect("it begins");
     for step in 0..12 {

@@ -3,7 +3,6 @@
 
 use rodgym_core::batch::{Batch, BatchOptions, Machine, Task};
 use rodgym_core::env::{AutoresetMode, ResetOptions, Seeds, StepBuffer, VectorEnv};
-use rodgym_core::isa::Isa;
 use rodgym_core::lane::Lanewise;
 use rodgym_core::pendulum::tasks::SwingUp;
 use rodgym_core::pendulum::{Config, PARAMETERS, Pendulum, Plant, Sensors};
@@ -41,8 +40,8 @@ fn moving(task: &SwingUp, given: &Map<String, Value>) -> Batch<Pendulum, f64> {
         num_threads: 1,
     };
     let id = "rodgym/PendulumSwingUp-v0";
-    let mut env = Batch::<Pendulum, f64>::new(id, task, given, &options, Isa::Baseline)
-        .expect("keywords are allowed");
+    let mut env =
+        Batch::<Pendulum, f64>::new(id, task, given, &options).expect("keywords are allowed");
     let mut buffer = StepBuffer::new(env.spec(), 3);
     // Far from hanging, where the height is clipped.
     let state = json!({"angles": [1.5, 1.6, 1.8], "rates": [1.0, -1.0, 2.0]});

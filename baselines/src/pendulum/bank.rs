@@ -4,8 +4,8 @@ use super::belief::Belief;
 use super::filter::{Filter, Learning, Pace, Surprise};
 use super::rods::{STATE, State};
 use super::{Arrival, Noise, RodDesign};
-use rodgym_core::isa::{ForLanes, Isa, Kernel, dispatch, with_lanes};
-use rodgym_core::lane::{Mask, Real};
+use rodgym_core::isa::{ForLanes, Isa, with_lanes};
+use rodgym_core::lane::{Kernel, Mask, Real};
 
 /// Filters in a bank.
 pub const LANES: usize = 8;
@@ -87,8 +87,7 @@ pub fn bank(
     pace: Pace,
     learning: Learning,
 ) -> crate::error::Result<Box<dyn Bank>> {
-    let isa = Isa::current()?;
-    Ok(with_lanes(isa, Make { rods, noise, pace, learning, isa }))
+    Ok(with_lanes(Isa::current()?, Make { rods, noise, pace, learning }))
 }
 
 struct Make<'a> {
@@ -96,7 +95,6 @@ struct Make<'a> {
     noise: Noise,
     pace: Pace,
     learning: Learning,
-    isa: Isa,
 }
 
 impl ForLanes for Make<'_> {
@@ -104,13 +102,12 @@ impl ForLanes for Make<'_> {
     fn make<R: Real>(self) -> Self::Output {
         assert_eq!(R::LANES, LANES, "the core's lanes");
         let filter = Filter::<R>::new(self.rods, self.noise, self.pace, self.learning);
-        Box::new(Filters { filter, isa: self.isa })
+        Box::new(Filters { filter })
     }
 }
 
 struct Filters<R> {
     filter: Filter<R>,
-    isa: Isa,
 }
 
 impl<R: Real> Bank for Filters<R> {
@@ -119,15 +116,15 @@ impl<R: Real> Bank for Filters<R> {
     }
 
     fn start(&self, angle: f64, rate: f64, memory: &mut [f64]) {
-        dispatch(self.isa, Start { filter: &self.filter, angle, rate, memory });
+        R::run(Start { filter: &self.filter, angle, rate, memory });
     }
 
     fn step(&self, step: &Step, memory: &mut [f64]) -> News {
-        dispatch(self.isa, Advance { filter: &self.filter, step, memory })
+        R::run(Advance { filter: &self.filter, step, memory })
     }
 
     fn estimate(&self, lane: usize, memory: &[f64]) -> Estimate {
-        dispatch(self.isa, Read::<R> { lane, memory, number: std::marker::PhantomData })
+        R::run(Read::<R> { lane, memory, number: std::marker::PhantomData })
     }
 
     fn forecast(
@@ -139,7 +136,7 @@ impl<R: Real> Bank for Filters<R> {
         memory: &[f64],
     ) -> (State<f64>, usize) {
         let filter = &self.filter;
-        dispatch(self.isa, Forecast { filter, lane, arrival, actions, limit, memory })
+        R::run(Forecast { filter, lane, arrival, actions, limit, memory })
     }
 }
 
@@ -249,7 +246,7 @@ mod tests {
         let learning = Learning { start: [0.01, 0.04], process: [1e-7, 1e-7] };
         let play = |isa: Isa| {
             let pace = Pace::of(&rods, &arrival);
-            let make = Make { rods: &rods, noise: Noise::LEARNER, pace, learning, isa };
+            let make = Make { rods: &rods, noise: Noise::LEARNER, pace, learning };
             let bank = with_lanes(isa, make);
             let mut memory = vec![0.0; bank.memory()];
             bank.start(0.1, 0.0, &mut memory);

@@ -10,8 +10,8 @@ use crate::error::Result;
 use crate::ilqr::{Model, Policy, sweep};
 use crate::linalg::dare;
 use nalgebra::DMatrix;
-use rodgym_core::isa::{ForLanes, Isa, Kernel, dispatch, with_lanes};
-use rodgym_core::lane::Real;
+use rodgym_core::isa::{ForLanes, Isa, with_lanes};
+use rodgym_core::lane::{Kernel, Real};
 use std::f64::consts::PI;
 
 /// Weights of the reward: of the square of the rates over 20 rad/s, and of the action.
@@ -48,19 +48,17 @@ pub type Law<'a> = &'a mut dyn FnMut(usize, &State<f64>) -> f64;
 /// # Errors
 /// A Riccati equation without solution; an instruction set that `RODGYM_ISA` names and this machine has not.
 pub fn foresight(rod: &RodDesign) -> Result<Box<dyn Foresight>> {
-    let isa = Isa::current()?;
-    with_lanes(isa, Make { rod, isa })
+    with_lanes(Isa::current()?, Make { rod })
 }
 
 struct Make<'a> {
     rod: &'a RodDesign,
-    isa: Isa,
 }
 
 impl ForLanes for Make<'_> {
     type Output = Result<Box<dyn Foresight>>;
     fn make<R: Real>(self) -> Self::Output {
-        let Make { rod, isa } = self;
+        let Make { rod } = self;
         let rods = std::slice::from_ref(rod);
         let pace = Pace::of(rods, &Arrival::default());
         let chain = Chain::new(rod, ORDER);
@@ -74,7 +72,6 @@ impl ForLanes for Make<'_> {
             steps: libm::ceil(rod.control_dt / longest - 1e-9) as usize,
             up: [0.0; STATE],
             last: [[0.0; STATE]; STATE],
-            isa,
         };
         let k = chain.coordinates();
         ahead.up[..k].copy_from_slice(&chain.straight(PI));
@@ -98,7 +95,6 @@ struct Ahead<R> {
     /// What is still to be lost after the end, a form of the distance from up: that of the regulator with the weights of the
     /// reward.
     last: [State<f64>; STATE],
-    isa: Isa,
 }
 
 impl<R: Real> Ahead<R> {
@@ -133,7 +129,7 @@ impl<R: Real> Ahead<R> {
     /// Models of all steps of a plan: the loss of a step is that of the state after it.
     fn model(&self, plan: &Plan, models: &mut Vec<Model>) {
         models.resize_with(plan.actions.len(), Model::default);
-        dispatch(self.isa, Linearize { ahead: self, plan, models });
+        R::run(Linearize { ahead: self, plan, models });
         let (n, k) = (self.shape.nrows(), self.shape.ncols());
         let height = 0.5 / n as f64;
         let rate = 2.0 * RATE / n as f64;
@@ -227,7 +223,7 @@ impl<R: Real> Foresight for Ahead<R> {
         let mut models = Vec::new();
         self.model(plan, &mut models);
         sweep(&models, &plan.actions, 0.0, policy);
-        match dispatch(self.isa, Follow { ahead: self, plan, policy }) {
+        match R::run(Follow { ahead: self, plan, policy }) {
             Some(better) => {
                 *plan = better;
                 true

@@ -5,8 +5,7 @@ use super::task::{Outcome, Scorer};
 use crate::draw::Draw;
 use crate::episodes::AutoresetMode;
 use crate::error::{Error, Result};
-use crate::isa::{Isa, Kernel, dispatch};
-use crate::lane::{Dual, Lanewise, Mask, Real};
+use crate::lane::{Dual, Kernel, Lanewise, Mask, Real};
 use crate::results::StepData;
 use crate::scene::Scene;
 use crate::seed::Stream;
@@ -58,7 +57,6 @@ pub struct Environment<M: Machine, R: Real> {
 pub struct Rules {
     pub mode: AutoresetMode,
     pub max_episode_steps: Option<u32>,
-    pub isa: Isa,
 }
 
 /// Where a reset acts and with what: row numbers are those of the batch.
@@ -118,7 +116,7 @@ impl<M: Machine, R: Real> Block<M, R> {
         watch: Watch<'_>,
     ) {
         if !watch.stops() {
-            dispatch(env.rules.isa, Step { block: self, env, actions, out, watch });
+            R::run(Step { block: self, env, actions, out, watch });
         }
     }
 
@@ -151,7 +149,7 @@ impl<M: Machine, R: Real> Block<M, R> {
             if watch.stops() {
                 return;
             }
-            task.score(rules.isa, machine, plant, outcome);
+            task.score(machine, plant, outcome);
         }
         let mut starting = R::Mask::splat(false);
         for lane in 0..self.used {
@@ -191,7 +189,7 @@ impl<M: Machine, R: Real> Block<M, R> {
         let size = self.observation.len() - env.task.observation_size();
         let (sensors, further) = self.observation.split_at_mut(size);
         env.machine.observe(&self.plant, lanes, &mut self.streams, sensors);
-        env.task.observe(env.rules.isa, &self.plant, further);
+        env.task.observe(&self.plant, further);
     }
 
     /// Counts a step that was taken and says what came of it.

@@ -5,7 +5,6 @@ use super::block::{Block, Environment};
 use super::machine::{Differentiated, Machine};
 use super::task::Outcome;
 use crate::error::{Error, Result};
-use crate::isa::Isa;
 use crate::lane::{DIRECTIONS, Dual, Lanewise, Real};
 use crate::seed::Stream;
 use crate::simulation::Named;
@@ -29,13 +28,13 @@ impl<M: Machine, R: Real> Block<M, R> {
         let mut seen = vec![vec![Dual::default(); self.observation.len()]; plants.len()];
         let mut paid = vec![];
         for (plant, seen) in plants.iter().zip(&mut seen) {
-            task.score(Isa::Baseline, machine, plant, &mut outcome);
+            task.score(machine, plant, &mut outcome);
             paid.push([outcome.reward]);
             let size = seen.len() - task.observation_size();
             let (sensors, further) = seen.split_at_mut(size);
             let stream = &mut [stream.clone()];
             machine.observe(plant, true, stream, sensors);
-            task.observe(Isa::Baseline, plant, further);
+            task.observe(plant, further);
         }
         let next: Vec<&[Dual]> = next.iter().map(Vec::as_slice).collect();
         let seen: Vec<&[Dual]> = seen.iter().map(Vec::as_slice).collect();
@@ -86,7 +85,7 @@ impl<M: Machine, R: Real> Block<M, R> {
             }
             let mut slopes = Vec::with_capacity(groups.len() * DIRECTIONS);
             for group in &groups {
-                task.score(Isa::Baseline, machine, group, &mut outcome);
+                task.score(machine, group, &mut outcome);
                 slopes.extend(outcome.reward.slopes);
             }
             rewards.push(outcome.reward.value);

@@ -39,13 +39,7 @@ pub fn make<T: Task>(
     }
     let isa = Isa::current()?;
     if options.num_envs == 1 {
-        return Ok(Box::new(Batch::<T::Machine, f64>::new(
-            id,
-            task,
-            given,
-            options,
-            Isa::Baseline,
-        )?));
+        return Ok(Box::new(Batch::<T::Machine, f64>::new(id, task, given, options)?));
     }
     in_lanes(id, task, given, options, isa)
 }
@@ -64,15 +58,15 @@ pub fn in_lanes<T: Task>(
     options: &BatchOptions,
     isa: Isa,
 ) -> Result<Box<dyn VectorEnv>> {
-    struct Make<'a, T>(&'a str, &'a T, &'a Map<String, Value>, &'a BatchOptions, Isa);
+    struct Make<'a, T>(&'a str, &'a T, &'a Map<String, Value>, &'a BatchOptions);
     impl<T: Task> ForLanes for Make<'_, T> {
         type Output = Result<Box<dyn VectorEnv>>;
         fn make<R: Real>(self) -> Self::Output {
-            let Make(id, task, given, options, isa) = self;
-            Ok(Box::new(Batch::<T::Machine, R>::new(id, task, given, options, isa)?))
+            let Make(id, task, given, options) = self;
+            Ok(Box::new(Batch::<T::Machine, R>::new(id, task, given, options)?))
         }
     }
-    with_lanes(isa, Make(id, task, given, options, isa))
+    with_lanes(isa, Make(id, task, given, options))
 }
 
 /// All that users can ask of a task's environments.

@@ -21,7 +21,6 @@ use crate::draw::Draw;
 use crate::env::{ResetOptions, StepData, rows};
 use crate::error::{Error, Result};
 use crate::given::place;
-use crate::isa::Isa;
 use crate::lane::Real;
 use crate::results::{Rows, Widths, check_length};
 use crate::simulation::Named;
@@ -54,7 +53,7 @@ pub struct Batch<M: Machine, R: Real> {
 }
 
 impl<M: Machine, R: Real> Batch<M, R> {
-    /// A batch whose blocks use the given instruction set; options are taken as checked.
+    /// A batch in numbers `R`; options are taken as checked.
     ///
     /// # Errors
     /// A keyword that is refused.
@@ -63,15 +62,11 @@ impl<M: Machine, R: Real> Batch<M, R> {
         task: &T,
         given: &Map<String, Value>,
         options: &BatchOptions,
-        isa: Isa,
     ) -> Result<Self> {
         let n = options.num_envs;
         let machine = M::new(&task.setup(), given)?;
-        let rules = Rules {
-            mode: options.autoreset_mode,
-            max_episode_steps: options.max_episode_steps,
-            isa,
-        };
+        let rules =
+            Rules { mode: options.autoreset_mode, max_episode_steps: options.max_episode_steps };
         let spec = spec::<T>(id, &machine);
         let (task_of_slopes, task_of_one) = (Arc::new(task.clone()), Arc::new(task.clone()));
         let task = Box::new(task.clone());

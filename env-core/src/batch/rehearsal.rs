@@ -4,7 +4,6 @@ use super::block::{Block, Environment};
 use super::machine::{Differentiated, Machine};
 use super::task::{Outcome, Scorer};
 use crate::error::{Error, Result};
-use crate::isa::Isa;
 use crate::lane::{Dual, Real};
 use crate::seed::Stream;
 use std::sync::Arc;
@@ -115,7 +114,7 @@ impl<M: Machine> Rehearsal for Solo<M> {
             return Err(self.failed());
         }
         let mut outcome = Outcome::new(play.terms);
-        play.task.score(Isa::Baseline, &play.machine, &self.plant, &mut outcome);
+        play.task.score(&play.machine, &self.plant, &mut outcome);
         // (The noise of the sensors comes from the same stream.)
         let mut sensors = vec![0.0; play.sensors];
         let stream = std::slice::from_mut(&mut self.stream);
@@ -133,7 +132,7 @@ impl<M: Machine> Rehearsal for Solo<M> {
         let mut outcome = Outcome::new(*terms);
         let (mut paid, mut lost, mut placed) = (vec![], vec![], vec![]);
         for plant in &plants {
-            task_of_slopes.score(Isa::Baseline, machine, plant, &mut outcome);
+            task_of_slopes.score(machine, plant, &mut outcome);
             paid.push(vec![outcome.reward]);
             let mut residuals = vec![];
             task_of_slopes.residuals(machine, plant, &mut residuals);

@@ -1,8 +1,7 @@
 //! What is asked of a machine.
 
 use super::machine::Machine;
-use crate::isa::{Isa, Kernel, dispatch};
-use crate::lane::{Mask, Real};
+use crate::lane::{Kernel, Mask, Real};
 use crate::scene::Scene;
 
 /// A task: what is paid, when the task itself ends an episode, what more is shown and reported.
@@ -98,11 +97,11 @@ impl<R: Real> Outcome<R> {
 /// all of its tasks; only what a task itself does is compiled for each.
 pub trait Scorer<M: Machine, R: Real>: Send + Sync {
     /// Reward, end and metrics of the step just taken.
-    fn score(&self, isa: Isa, machine: &M, plant: &M::Plant<R>, out: &mut Outcome<R>);
+    fn score(&self, machine: &M, plant: &M::Plant<R>, out: &mut Outcome<R>);
     /// How many numbers of the observation are the task's.
     fn observation_size(&self) -> usize;
     /// Writes the numbers of the observation that are the task's.
-    fn observe(&self, isa: Isa, plant: &M::Plant<R>, observation: &mut [R]);
+    fn observe(&self, plant: &M::Plant<R>, observation: &mut [R]);
     /// See `Task::residuals`.
     fn residuals(&self, machine: &M, plant: &M::Plant<R>, out: &mut Vec<R>);
     /// See `Task::scene`.
@@ -112,21 +111,20 @@ pub trait Scorer<M: Machine, R: Real>: Send + Sync {
 impl<T: Task, R: Real> Scorer<T::Machine, R> for T {
     fn score(
         &self,
-        isa: Isa,
         machine: &T::Machine,
         plant: &<T::Machine as Machine>::Plant<R>,
         out: &mut Outcome<R>,
     ) {
-        dispatch(isa, Score { task: self, machine, plant, out });
+        R::run(Score { task: self, machine, plant, out });
     }
 
     fn observation_size(&self) -> usize {
         T::OBSERVATION.len()
     }
 
-    fn observe(&self, isa: Isa, plant: &<T::Machine as Machine>::Plant<R>, observation: &mut [R]) {
+    fn observe(&self, plant: &<T::Machine as Machine>::Plant<R>, observation: &mut [R]) {
         if !observation.is_empty() {
-            dispatch(isa, Observe { task: self, plant, observation });
+            R::run(Observe { task: self, plant, observation });
         }
     }
 

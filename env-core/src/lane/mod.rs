@@ -84,6 +84,12 @@ pub trait Real:
     /// Angle of the vector (x, self), in [-pi, pi], the same on every machine.
     fn atan2(self, x: Self) -> Self;
 
+    /// Runs work in numbers of this type with the instructions that the type is made of.
+    #[inline]
+    fn run<K: Kernel>(kernel: K) -> K::Output {
+        kernel.run()
+    }
+
     /// Zero in every lane.
     #[inline(always)]
     fn zero() -> Self {
@@ -117,6 +123,15 @@ pub trait Real:
         }
         out
     }
+}
+
+/// Work to be compiled for the instructions of its number type: see `Real::run`. Its `run`, and everything below, must be
+/// `#[inline(always)]`, so that it takes on the features of the function that it is inlined into.
+pub trait Kernel {
+    /// What the work returns.
+    type Output;
+    /// Does the work.
+    fn run(self) -> Self::Output;
 }
 
 /// One truth value a lane.

@@ -11,7 +11,7 @@
     reason = "what was just said holds for every operation"
 )]
 
-use super::{Mask, Real};
+use super::{Kernel, Mask, Real};
 use core::arch::x86_64::*;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
@@ -31,7 +31,7 @@ unsafe fn less256(a: __m256d, b: __m256d) -> __m256d {
 
 /// Defines a number type `$lanes` and its mask `$mask`, made of `$count` registers, from the instructions for one.
 macro_rules! lanes {
-    ($lanes:ident, $mask:ident: $count:literal x $register:ident, $splat:ident, $add:ident, $sub:ident, $mul:ident,
+    ($lanes:ident, $mask:ident, $features:literal: $count:literal x $register:ident, $splat:ident, $add:ident, $sub:ident, $mul:ident,
      $div:ident, $sqrt:ident, $min:ident, $max:ident, $less:ident, $and:ident, $andnot:ident, $or:ident, $xor:ident) => {
         /// Eight numbers.
         #[derive(Clone, Copy, Debug)]
@@ -181,6 +181,14 @@ macro_rules! lanes {
                 }
                 out
             }
+            #[inline]
+            fn run<K: Kernel>(kernel: K) -> K::Output {
+                #[target_feature(enable = $features)]
+                fn with_features<K: Kernel>(kernel: K) -> K::Output {
+                    kernel.run()
+                }
+                unsafe { with_features(kernel) }
+            }
             lane_by_lane!();
             // The instructions return the second operand where either is NaN.
             #[inline(always)]
@@ -233,9 +241,9 @@ macro_rules! lanes {
     };
 }
 
-lanes!(Avx2, Avx2Mask: 2 x __m256d, _mm256_set1_pd, _mm256_add_pd, _mm256_sub_pd, _mm256_mul_pd,
+lanes!(Avx2, Avx2Mask, "avx2": 2 x __m256d, _mm256_set1_pd, _mm256_add_pd, _mm256_sub_pd, _mm256_mul_pd,
     _mm256_div_pd, _mm256_sqrt_pd, _mm256_min_pd, _mm256_max_pd, less256,
     _mm256_and_pd, _mm256_andnot_pd, _mm256_or_pd, _mm256_xor_pd);
-lanes!(Avx512, Avx512Mask: 1 x __m512d, _mm512_set1_pd, _mm512_add_pd, _mm512_sub_pd, _mm512_mul_pd,
+lanes!(Avx512, Avx512Mask, "avx512f,avx512vl,avx512dq,avx512bw": 1 x __m512d, _mm512_set1_pd, _mm512_add_pd, _mm512_sub_pd, _mm512_mul_pd,
     _mm512_div_pd, _mm512_sqrt_pd, _mm512_min_pd, _mm512_max_pd, less512,
     _mm512_and_pd, _mm512_andnot_pd, _mm512_or_pd, _mm512_xor_pd);

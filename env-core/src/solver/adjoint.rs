@@ -4,8 +4,8 @@
 use super::moment::{Linear, Material, Moment, splat, turn, turned};
 use super::{Move, Origin, Past, Phase, Stage};
 use crate::error::Result;
-use crate::isa::{ForLanes, Isa, Kernel, dispatch, with_lanes};
-use crate::lane::{DIRECTIONS, Dual, Real};
+use crate::isa::{ForLanes, Isa, with_lanes};
+use crate::lane::{DIRECTIONS, Dual, Kernel, Real};
 use crate::rod::{Motion, Rod};
 use crate::vec2::Vec2;
 use std::marker::PhantomData;
@@ -22,12 +22,10 @@ pub fn pull_back(
     materials: &[Rod<Dual>],
     state: (&mut Motion<f64>, &mut Past<f64, Motion<f64>>),
 ) -> Result<(Vec<f64>, Vec<f64>)> {
-    let isa = Isa::current()?;
-    Ok(with_lanes(isa, Work { isa, rod, phases, materials, state }))
+    Ok(with_lanes(Isa::current()?, Work { rod, phases, materials, state }))
 }
 
 struct Work<'a> {
-    isa: Isa,
     rod: &'a Rod<f64>,
     phases: &'a [Phase],
     materials: &'a [Rod<Dual>],
@@ -37,7 +35,7 @@ struct Work<'a> {
 impl ForLanes for Work<'_> {
     type Output = (Vec<f64>, Vec<f64>);
     fn make<R: Real>(self) -> Self::Output {
-        dispatch(self.isa, Run::<R>(self, PhantomData))
+        R::run(Run::<R>(self, PhantomData))
     }
 }
 
@@ -49,7 +47,7 @@ impl<R: Real> Kernel for Run<'_, R> {
 
     #[inline(always)]
     fn run(self) -> Self::Output {
-        let Work { rod, phases, materials, state, .. } = self.0;
+        let Work { rod, phases, materials, state } = self.0;
         let mut linear = Linear::<R>::new(rod, true);
         let mut pull = Pull::new(state, materials);
         let mut torques = vec![0.0; phases.len()];

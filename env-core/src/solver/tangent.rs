@@ -10,8 +10,8 @@
 use super::moment::{Linear, Material, Moment, slopes, splat, turn, turned};
 use super::{Move, Origin, Past, Stage, Tape};
 use crate::error::Result;
-use crate::isa::{ForLanes, Isa, Kernel, dispatch, with_lanes};
-use crate::lane::{Dual, Real};
+use crate::isa::{ForLanes, Isa, with_lanes};
+use crate::lane::{Dual, Kernel, Real};
 use crate::rod::{Motion, Rod};
 use crate::vec2::Vec2;
 use std::marker::PhantomData;
@@ -45,13 +45,11 @@ pub struct Carried<'a> {
 /// # Errors
 /// See `Isa::current`.
 pub fn carry(rod: &Rod<f64>, phases: &[Phase], carried: &mut [Carried<'_>]) -> Result<()> {
-    let isa = Isa::current()?;
-    with_lanes(isa, Work { isa, rod, phases, carried });
+    with_lanes(Isa::current()?, Work { rod, phases, carried });
     Ok(())
 }
 
 struct Work<'a, 'b> {
-    isa: Isa,
     rod: &'a Rod<f64>,
     phases: &'a [Phase],
     carried: &'a mut [Carried<'b>],
@@ -60,7 +58,7 @@ struct Work<'a, 'b> {
 impl ForLanes for Work<'_, '_> {
     type Output = ();
     fn make<R: Real>(self) {
-        dispatch(self.isa, Run::<R>(self, PhantomData));
+        R::run(Run::<R>(self, PhantomData));
     }
 }
 
@@ -72,7 +70,7 @@ impl<R: Real> Kernel for Run<'_, '_, R> {
 
     #[inline(always)]
     fn run(self) {
-        let Work { rod, phases, carried, .. } = self.0;
+        let Work { rod, phases, carried } = self.0;
         let mut linear = Linear::<R>::new(rod, false);
         let mut flows: Vec<Flow<R>> = Vec::with_capacity(carried.len());
         for one in &*carried {

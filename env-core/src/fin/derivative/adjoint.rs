@@ -7,8 +7,8 @@ use super::tangent::{look, stage};
 use crate::error::Result;
 use crate::fin::Body;
 use crate::fin::motion::{Instant, Loads};
-use crate::isa::{ForLanes, Isa, Kernel, dispatch, with_lanes};
-use crate::lane::{DIRECTIONS, Dual, Lanewise, Real};
+use crate::isa::{ForLanes, Isa, with_lanes};
+use crate::lane::{DIRECTIONS, Dual, Kernel, Lanewise, Real};
 use crate::linear::{multiply, solve};
 use crate::solver::{Origin, Stage, Tape};
 use crate::vec2::Vec2;
@@ -37,31 +37,11 @@ pub(super) fn pull_back(
     materials: &[Body<Dual>],
     pulled: &mut Pulled,
 ) -> Result<()> {
-    struct Work<'a>(Isa, Run<'a>);
-    impl ForLanes for Work<'_> {
-        type Output = ();
-        fn make<R: Real>(self) {
-            let linear = Linear::<R>::new(self.1.body, true);
-            dispatch(self.0, InLanes(linear, self.1));
-        }
-    }
-    struct InLanes<'a, R>(Linear<'a, R>, Run<'a>);
-    impl<R: Real> Kernel for InLanes<'_, R> {
-        type Output = ();
-        #[inline(always)]
-        fn run(self) {
-            let InLanes(mut linear, mut run) = self;
-            run.steps(&mut linear);
-            run.start(&mut linear);
-        }
-    }
-    let isa = Isa::current()?;
     let nodes = start.nodes();
     let memory = || Instant::new(nodes);
     let (step, zeros) = (pulled.pitches.len() - 1, || vec![Vec2::zero(); nodes]);
     let effects = materials.iter().map(|body| effects(body, tape)).collect();
     let run = Run {
-        isa,
         body: start,
         tape,
         materials,
@@ -73,12 +53,11 @@ pub(super) fn pull_back(
         moved: zeros(),
         rest: zeros(),
     };
-    with_lanes(isa, Work(isa, run));
+    with_lanes(Isa::current()?, run);
     Ok(())
 }
 
 struct Run<'a> {
-    isa: Isa,
     body: &'a Body<f64>,
     tape: &'a Tape,
     materials: &'a [Body<Dual>],
@@ -94,6 +73,26 @@ struct Run<'a> {
     rest: Vec<Vec2<f64>>,
 }
 
+impl ForLanes for Run<'_> {
+    type Output = ();
+    fn make<R: Real>(self) {
+        R::run(InLanes(Linear::<R>::new(self.body, true), self));
+    }
+}
+
+/// All of it, for one number type.
+struct InLanes<'a, R>(Linear<'a, R>, Run<'a>);
+
+impl<R: Real> Kernel for InLanes<'_, R> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let InLanes(mut linear, mut run) = self;
+        run.steps(&mut linear);
+        run.start(&mut linear);
+    }
+}
+
 impl Run<'_> {
     /// All steps, the last one first.
     #[inline(always)]
@@ -101,7 +100,7 @@ impl Run<'_> {
         let tape = self.tape;
         let count = tape.moves().len();
         for first in (0..count).step_by(R::LANES).rev() {
-            linear.look(self.isa, |lane| look(tape, (first + lane).min(count - 1)));
+            linear.look(|lane| look(tape, (first + lane).min(count - 1)));
             for at in (first..count.min(first + R::LANES)).rev() {
                 linear.pick(at - first);
                 self.stage(&linear.maps, at);
@@ -113,12 +112,12 @@ impl Run<'_> {
     /// positions, velocities and the water.
     #[inline(always)]
     fn start<R: Real>(&mut self, linear: &mut Linear<'_, R>) {
-        let Run { isa, body, materials, pulled, moved, rest, .. } = self;
+        let Run { body, materials, pulled, moved, rest, .. } = self;
         let Body { now, past, .. } = body;
         let Pulled { now: by_now, before: by_before, parameters, .. } = &mut **pulled;
         let instants = [(now, by_now), (&past.before, by_before)];
         // As if it had been come to at the rate 1: from `x - v`, by a move `v`.
-        linear.look(*isa, |lane| {
+        linear.look(|lane| {
             let old = lane > 0 && !past.before.x.is_empty();
             let (at, _) = &instants[usize::from(old)];
             (&at.x, &at.v, 1.0)

@@ -9,8 +9,7 @@ use crate::fin::Body;
 use crate::fluid::Water;
 use crate::fluid::edge::{EdgeLinear, EdgeMotion};
 use crate::fluid::terms::{Gather, Kind, Term};
-use crate::isa::{Isa, Kernel, dispatch};
-use crate::lane::{Lanewise, Real};
+use crate::lane::{Kernel, Lanewise, Real};
 use crate::lanewise;
 use crate::linear::Banded;
 use crate::rod::{Rod, add_stiffness};
@@ -184,11 +183,7 @@ impl<'a, R: Real> Linear<'a, R> {
     }
 
     /// Looks at moments, one a lane: positions and velocities, and the rate at which these follow those.
-    pub fn look<'b>(
-        &mut self,
-        isa: Isa,
-        moment: impl Fn(usize) -> (&'b [Vec2<f64>], &'b [Vec2<f64>], f64),
-    ) {
+    pub fn look<'b>(&mut self, moment: impl Fn(usize) -> (&'b [Vec2<f64>], &'b [Vec2<f64>], f64)) {
         let mut rate = R::zero();
         for lane in 0..R::LANES {
             let (x, v, own) = moment(lane);
@@ -198,7 +193,7 @@ impl<'a, R: Real> Linear<'a, R> {
             }
             rate.set(lane, own);
         }
-        dispatch(isa, Look { linear: self, rate });
+        R::run(Look { linear: self, rate });
     }
 
     /// Turns to the moment in one lane.

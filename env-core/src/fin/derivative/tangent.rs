@@ -7,8 +7,8 @@ use crate::directions::moves;
 use crate::error::Result;
 use crate::fin::motion::{Instant, Loads};
 use crate::fin::{Body, Parameters};
-use crate::isa::{ForLanes, Isa, Kernel, dispatch, with_lanes};
-use crate::lane::{Dual, Lanewise, Real};
+use crate::isa::{ForLanes, Isa, with_lanes};
+use crate::lane::{Dual, Kernel, Lanewise, Real};
 use crate::linear::{multiply, multiply_row, solve};
 use crate::solver::{Move, Stage, Tape, slopes, splat};
 use crate::vec2::Vec2;
@@ -29,26 +29,24 @@ pub(super) struct Carried<'a> {
 /// # Errors
 /// See `Isa::current`.
 pub(super) fn carry(values: &Body<f64>, tape: &Tape, carried: &mut [Carried<'_>]) -> Result<()> {
-    struct Work<'a, 'b>(Isa, &'a Body<f64>, &'a Tape, &'a mut [Carried<'b>]);
+    struct Work<'a, 'b>(&'a Body<f64>, &'a Tape, &'a mut [Carried<'b>]);
     impl ForLanes for Work<'_, '_> {
         type Output = ();
         fn make<R: Real>(self) {
-            let Work(isa, values, tape, carried) = self;
+            let Work(values, tape, carried) = self;
             let linear = &mut Linear::new(values, false);
             let mut flows: Vec<Flow<R>> = carried.iter().map(|one| Flow::new(one, tape)).collect();
-            dispatch(isa, Run { isa, values, tape, linear, flows: &mut flows });
+            R::run(Run { values, tape, linear, flows: &mut flows });
             for (flow, one) in flows.iter().zip(carried) {
                 flow.write(one);
             }
         }
     }
-    let isa = Isa::current()?;
-    with_lanes(isa, Work(isa, values, tape, carried));
+    with_lanes(Isa::current()?, Work(values, tape, carried));
     Ok(())
 }
 
 struct Run<'a, 'b, R> {
-    isa: Isa,
     values: &'a Body<f64>,
     tape: &'a Tape,
     linear: &'a mut Linear<'b, R>,
@@ -60,10 +58,10 @@ impl<R: Real> Kernel for Run<'_, '_, R> {
 
     #[inline(always)]
     fn run(self) {
-        let Run { isa, values, tape, linear, flows } = self;
+        let Run { values, tape, linear, flows } = self;
         let count = tape.moves().len();
         for first in (0..count).step_by(R::LANES) {
-            linear.look(isa, |lane| look(tape, (first + lane).min(count - 1)));
+            linear.look(|lane| look(tape, (first + lane).min(count - 1)));
             for at in first..count.min(first + R::LANES) {
                 linear.pick(at - first);
                 for flow in flows.iter_mut() {
