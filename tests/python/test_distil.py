@@ -16,6 +16,7 @@ import torch
 from rodgym import baselines
 from rodgym.cli import main
 from rodgym.distil import Recipe, RecipeError, distil, load_recipe
+from rodgym.distil.handover import HandOver
 from rodgym.distil.learn import episodes, windows
 from rodgym.distil.lost import Lossy
 from rodgym.distil.policy import StudentPolicy
@@ -67,6 +68,30 @@ def test_the_answers_are_those_of_the_teacher_on_the_true_state() -> None:
         truth, *_ = env.step(done)
     assert lessons.alive.all() and lessons.steps == 240
     assert not np.array_equal(lessons.answers[3:, 5:], lessons.frames[3:, 6:, -1:])
+
+
+def test_a_teacher_of_two_is_up_as_soon_as_a_policy_and_stands_as_still_as_a_regulator() -> None:
+    sight = {"observation": "full", "youngs_modulus": 7e6}
+    env = gym.make_vec(ENV, num_envs=3, **sight)
+    teacher = HandOver(env)
+    seen, _ = env.reset(seed=5)
+    answer, state = teacher.predict(seen)
+    # Hanging rods are the policy's.
+    assert not state[2].any()
+    np.testing.assert_array_equal(answer, teacher.swing.predict(seen, deterministic=True)[0])
+    played = {
+        name: evaluate(name, ENV, range(200, 210), env_kwargs=sight)
+        for name in ("rodgym.distil.handover:HandOver", "zoo:sighted", "lqr")
+    }
+    both, swing, hold = played.values()
+    assert both.mean("upright") == 1
+    assert both.mean("return") > hold.mean("return") + 3
+    assert both.columns["sway"].max() < 0.1 * swing.columns["sway"].min()
+
+
+def test_a_teacher_of_two_must_see_every_edge() -> None:
+    with pytest.raises(PolicyError, match="observation='full'"):
+        HandOver(gym.make(ENV))
 
 
 def test_noise_beside_a_disturbance_is_refused_because_rods_would_part() -> None:
