@@ -58,6 +58,17 @@ finally:
     server.terminate()
     server.wait()
 """
+#: A study of two cases.
+STUDY = """
+open("sweep.yml", "w").write('''
+title: Two rods
+env: rodgym/PendulumSwingUp-v0
+seeds: 2
+sweep: {policy: [lqr], env.width: [0.006, 0.008]}
+plot: {x: env.width, value: upright, line: policy}
+''')
+"""
+RLLIB = str(ROOT / "docs" / "examples" / "rllib_ppo.py")
 #: What is tried with each extra alone, beside that. An extra of two names is both of them.
 WITH_EXTRA = {
     "report": [
@@ -81,7 +92,11 @@ WITH_EXTRA = {
     ],
     "train,tune": [("rodgym", "tune", "--trials", "1", "--steps", "9000", "--name", "u")],
     "train,export": [("rodgym", "export", "zoo", "--out", "zoo.onnx")],
-    "ray": [("python", "-c", "import rodgym.ray; rodgym.ray.register()")],
+    "ray": [
+        ("python", "-c", STUDY),
+        ("rodgym", "study", "sweep.yml", "--ray", "local", "--workers", "2"),
+    ],
+    "rllib": [("python", RLLIB, "--iterations", "1", "--seeds", "2")],
 }
 #: A command that needs an extra which is not here says which one, at once, with exit code 2.
 LACKING = (
@@ -221,7 +236,8 @@ names, and its commands were tried. The wheel is `{wheel.name}`,
 
 "Works" means that a controller plays in this environment, and that the commands of the extra do
 their work: `train` trains, `render` draws, `remote` steps rods on a server, `lab` fits a rod
-to a film that the simulation made (*synthetic*), `train,export` writes an ONNX file. A command
+to a film that the simulation made (*synthetic*), `train,export` writes an ONNX file, `ray` plays a
+study on a cluster that it starts, `rllib` trains PPO of RLlib for an iteration. A command
 that lacks an extra names it and ends within three seconds of CPU time.
 """
 
