@@ -48,6 +48,10 @@ $(DOCS)/.ready: docs/requirements.txt
 packages: venv ## wheel and sdist, built and tried in fresh environments, each extra alone
 	$(BIN)/python tests/long/packages.py
 
+.PHONY: crates
+crates: ## what `cargo publish` would send, compiled as others would compile it
+	cargo publish --dry-run --package rodgym-core --package rodgym-baselines
+
 # Libraries that others train and store episodes with, in an environment of its own.
 NEIGHBOURS := .venv-neighbours
 neighbours: extension $(NEIGHBOURS)/.ready ## TorchRL, Minari, tianshou, skrl, rl_zoo3 over these environments
@@ -77,10 +81,10 @@ test lint server: FEATURES := --features server
 
 lint: lint-rust lint-python lint-workflows ## formats, clippy, ruff, mypy, workflows
 
-# (The bindings are built for the environment's Python.)
+# (The bindings are built for the environment's Python, and once: the library of them has the same sources.)
 lint-rust: venv
 	cargo fmt --all --check
-	cargo clippy --workspace --all-targets $(FEATURES) -- -D warnings
+	cargo clippy --workspace --exclude rodgym-bindings --exclude own-task-wheel --all-targets $(FEATURES) -- -D warnings
 
 lint-python: extension
 	$(BIN)/ruff check .

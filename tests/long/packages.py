@@ -1,7 +1,8 @@
 """Wheel and source archive as a stranger gets them: `make packages`.
 
 Builds both into dist/, installs each in fresh environments and tries it there: the wheel alone,
-with each extra alone, and what the source archive builds. Ends with an error where something fails,
+with each extra alone, what the source archive builds, and beside the wheel that of
+`examples/own-task`, which adds a task in Rust. Ends with an error where something fails,
 where the wheel is larger than 8 MB, or where importing rodgym adds more than 0.15 s to importing
 Gymnasium. What was tried with the same file is not tried again: stopped, it goes on where it was.
 It writes docs/records/packages.md, which also says what was not tried yet.
@@ -9,6 +10,7 @@ It writes docs/records/packages.md, which also says what was not tried yet.
     python tests/long/packages.py                       # everything
     python tests/long/packages.py --extras render       # the wheel, and these extras
     python tests/long/packages.py --no-sdist            # not what the source archive builds
+    python tests/long/packages.py --no-own              # not the wheel of examples/own-task
     python tests/long/packages.py --wheel dist/X.whl    # a wheel that is built already
 """
 
@@ -27,8 +29,14 @@ import time
 from pathlib import Path
 from typing import Any
 
+try:
+    import resource
+except ImportError:  # Windows
+    resource = None  # type: ignore[assignment]
+
 ROOT = Path(__file__).parents[2]
 DIST = ROOT / "dist"
+OWN_CRATE = ROOT / "examples" / "own-task" / "wheel" / "Cargo.toml"
 LOG = ROOT / "runs" / "packages" / "log.json"
 PAGE = ROOT / "docs" / "records" / "packages.md"
 LARGEST, SLOWEST = 8_000_000, 0.15
@@ -68,6 +76,21 @@ sweep: {policy: [lqr], env.width: [0.006, 0.008]}
 plot: {x: env.width, value: upright, line: policy}
 ''')
 """
+#: The environment of examples/own-task, single and in batches, beside rodgym's own.
+OWN = """
+import own_task, gymnasium as gym, numpy as np
+envs = gym.make_vec("example/PendulumLevel-v0", num_envs=64)
+envs.reset(seed=0)
+rewards, infos = envs.step(np.zeros((64, 1)))[1::3]
+assert set(infos["reward_terms"]) >= {"level", "effort"}, infos
+env = gym.make("example/PendulumLevel-v0")
+env.reset(seed=7)
+assert env.step(np.zeros(1))[1] == rewards[7]
+assert gym.make("rodgym/PendulumSwingUp-v0").reset(seed=0)[0].shape == (18,)
+"""
+#: A policy that was exported elsewhere.
+ONNX = ROOT / "runs" / "packages" / "zoo.onnx"
+OWN_ID = "example/PendulumLevel-v0"
 RLLIB = str(ROOT / "docs" / "examples" / "rllib_ppo.py")
 #: What is tried with each extra alone, beside that. An extra of two names is both of them.
 WITH_EXTRA = {
@@ -79,7 +102,7 @@ WITH_EXTRA = {
     "data": [
         ("rodgym", "evaluate", "lqr", "--seeds", "2", "--trajectories", "parquet", "--name", "d")
     ],
-    "export": [("python", "-c", "import rodgym.export, onnxruntime")],
+    "export": [("rodgym", "evaluate", str(ONNX), "--seeds", "2", "--name", "o")],
     "lab": [
         ("python", "-c", FILM),
         ("python", "-c", "import rodgym.lab.vision"),
@@ -148,15 +171,18 @@ class Fresh:
 
 def cpu_seconds() -> float:
     """CPU time of all programs that were run: what a busy machine disturbs least."""
-    used = os.times()
-    return used.children_user + used.children_system
+    if resource is None:
+        used = os.times()
+        return used.children_user + used.children_system
+    finer = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return finer.ru_utime + finer.ru_stime
 
 
-def build(*words: str) -> Path:
+def build(*words: str, out: Path = DIST) -> Path:
     """The file that maturin writes."""
-    before = set(DIST.glob("*"))
-    subprocess.run([sys.executable, "-m", "maturin", *words, "--out", DIST], cwd=ROOT, check=True)
-    files = set(DIST.glob("*")) - before or set(DIST.glob("*.gz" if "sdist" in words else "*.whl"))
+    before = set(out.glob("*"))
+    subprocess.run([sys.executable, "-m", "maturin", *words, "--out", out], cwd=ROOT, check=True)
+    files = set(out.glob("*")) - before or set(out.glob("*.gz" if "sdist" in words else "*.whl"))
     return max(files, key=lambda path: path.stat().st_mtime)
 
 
@@ -176,8 +202,9 @@ def try_plain(fresh: Fresh, package: Path) -> None:
 class Log:
     """What was tried with which file, by the file's hash."""
 
-    def __init__(self, package: Path) -> None:
-        self.digest = hashlib.sha256(package.read_bytes()).hexdigest()
+    def __init__(self, *packages: Path) -> None:
+        content = b"".join(package.read_bytes() for package in packages)
+        self.digest = hashlib.sha256(content).hexdigest()
         self.all: dict[str, Any] = json.loads(LOG.read_text()) if LOG.is_file() else {}
         self.tried: dict[str, str] = self.all.setdefault(self.digest, {})
 
@@ -215,11 +242,22 @@ def with_extra(wheel: Path, extra: str, fresh: Fresh) -> str:
     return "works"
 
 
+def with_own_task(wheel: Path, own: Path, fresh: Fresh) -> str:
+    """The wheel, and beside it the one of a crate of one's own."""
+    fresh.install(str(wheel))
+    fresh.install(str(own))
+    fresh.run("python", "-c", OWN)
+    fresh.run("python", "-m", "own_task", "list", "PendulumLevel")
+    fresh.run("python", "-m", "own_task", "evaluate", "random", "--env", OWN_ID, "--seeds", "2")
+    return f"works; {own.stat().st_size / 1e6:.2f} MB"
+
+
 def page(wheel: Path, tried: dict[str, str]) -> str:
     """The record."""
     date = datetime.datetime.now(datetime.timezone.utc)
     where = f"{platform.system()} {platform.machine()}, Python {platform.python_version()}"
-    names = ["wheel alone", *(f"wheel with `{extra}`" for extra in WITH_EXTRA), "source archive"]
+    names = ["wheel alone", *(f"wheel with `{extra}`" for extra in WITH_EXTRA)]
+    names += ["wheel with that of `examples/own-task`", "source archive"]
     rows = "\n".join(f"| {name} | {tried.get(name, 'not tried yet')} |" for name in names)
     return f"""# Packages in fresh environments
 
@@ -236,9 +274,10 @@ names, and its commands were tried. The wheel is `{wheel.name}`,
 
 "Works" means that a controller plays in this environment, and that the commands of the extra do
 their work: `train` trains, `render` draws, `remote` steps rods on a server, `lab` fits a rod
-to a film that the simulation made (*synthetic*), `train,export` writes an ONNX file, `ray` plays a
-study on a cluster that it starts, `rllib` trains PPO of RLlib for an iteration. A command
-that lacks an extra names it and ends within three seconds of CPU time.
+to a film that the simulation made (*synthetic*), `train,export` writes an ONNX file and `export`
+plays one, `ray` plays a study on a cluster that it starts, `rllib` trains PPO of RLlib for an
+iteration, and the task of `examples/own-task` plays beside rodgym's own. A command that lacks an
+extra names it and ends within three seconds of CPU time.
 """
 
 
@@ -247,6 +286,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--extras", nargs="*", default=list(WITH_EXTRA), metavar="EXTRA")
     parser.add_argument("--no-sdist", action="store_true")
+    parser.add_argument("--no-own", action="store_true")
     parser.add_argument("--wheel", type=Path, help="try this one instead of building one")
     parser.add_argument("--sdist", type=Path, help="the same of the source archive")
     args = parser.parse_args()
@@ -255,12 +295,21 @@ def main() -> None:
     print(f"{wheel.name}: {size / 1e6:.2f} MB")
     if size > LARGEST:
         sys.exit(f"that is more than {LARGEST / 1e6:g} MB")
+    ONNX.parent.mkdir(parents=True, exist_ok=True)
+    words = ["-m", "rodgym", "export", "zoo", "--env", "PendulumSwingUp", "--out", str(ONNX)]
+    subprocess.run([sys.executable, *words], check=True)
     log = Log(wheel)
     tried = log.tried
     try:
         log.once("wheel alone", lambda fresh: wheel_alone(wheel, fresh))
         for extra in args.extras:
             log.once(f"wheel with `{extra}`", lambda fresh, e=extra: with_extra(wheel, e, fresh))
+        if not args.no_own:
+            own = build("build", "--release", "--manifest-path", str(OWN_CRATE), out=DIST / "own")
+            both = Log(wheel, own)
+            name = "wheel with that of `examples/own-task`"
+            both.once(name, lambda fresh: with_own_task(wheel, own, fresh))
+            tried = {**tried, **both.tried}
         if not args.no_sdist:
             archive = args.sdist.resolve() if args.sdist else build("sdist")
             built = Log(archive)

@@ -120,6 +120,28 @@ def test_the_container_builds_and_starts_a_program_that_takes_its_options():
     assert f":{given['EXPOSE']}" in given["CMD"]
 
 
+def test_the_crates_that_others_use_can_be_published():
+    """All that `cargo publish --dry-run` sees without compiling; `make crates` compiles too."""
+    if shutil.which("cargo") is None:
+        pytest.skip("needs cargo")
+    words = ["package", "--offline", "--no-verify", "--allow-dirty"]
+    crates = ["--package", "rodgym-core", "--package", "rodgym-baselines"]
+    ran = subprocess.run(["cargo", *words, *crates], cwd=ROOT, text=True, capture_output=True)
+    assert ran.returncode == 0, ran.stderr
+
+
+def test_the_library_of_the_bindings_is_their_extension_s_twin():
+    extension, library = (
+        tomllib.loads((ROOT / "py-bindings" / name).read_text(encoding="utf-8"))
+        for name in ("Cargo.toml", "library/Cargo.toml")
+    )
+    for part in ("dependencies", "features"):
+        assert extension[part] == library[part], part
+    assert (ROOT / "py-bindings" / "library" / library["lib"]["path"]).resolve() == (
+        ROOT / "py-bindings" / "src" / "lib.rs"
+    )
+
+
 def test_the_conda_recipe_asks_for_what_the_package_needs():
     recipe = yaml.safe_load((ROOT / "packaging" / "conda" / "recipe.yaml").read_text("utf-8"))
 
