@@ -134,7 +134,7 @@ fuzz: ## long: FUZZ_SECONDS of each target (needs nightly Rust and cargo-fuzz)
 	@cargo +nightly fuzz --version || { echo "rustup toolchain install nightly && cargo install cargo-fuzz"; exit 1; }
 	$(PYTHON) env-server/fuzz/seed.py
 	cd env-server && for target in header machine peer; do \
-	  cargo +nightly fuzz run $$target -- -max_total_time=$(FUZZ_SECONDS) -max_len=20000 -rss_limit_mb=2048 \
+	  cargo +nightly fuzz run --codegen-units 16 $$target -- -max_total_time=$(FUZZ_SECONDS) -max_len=20000 -rss_limit_mb=2048 \
 	    -print_final_stats=1; \
 	done
 

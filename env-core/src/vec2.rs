@@ -1,16 +1,19 @@
 //! Vectors in the plane of motion, in lanes.
 
 use crate::lane::Real;
+use crate::zeros;
 use std::ops::{Add, AddAssign, Neg, Sub, SubAssign};
 
 /// A vector (x, y) of the plane.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct Vec2<R> {
     /// Component along E1.
     pub x: R,
     /// Component along E2.
     pub y: R,
 }
+
+zeros!(Vec2: x, y);
 
 impl<R: Real> Vec2<R> {
     /// The vector (x, y).

@@ -3,6 +3,7 @@
 use crate::lane::{Lanewise, Real};
 use crate::lanewise;
 use crate::vec2::Vec2;
+use crate::zeros;
 
 /// Positions, velocities and water momentum of all nodes at one instant.
 #[derive(Clone, Debug, Default)]
@@ -26,7 +27,7 @@ impl<R: Real> Instant<R> {
 }
 
 /// Forces and power at the end of a physics step, or their means over several.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct Loads<R> {
     /// Force of the water on the fin along -x, momentum of the moved water included \[N\].
     pub thrust: R,
@@ -43,6 +44,8 @@ pub struct Loads<R> {
     /// Power of the servo where it is positive, else 0 \[W\].
     pub positive_power: R,
 }
+
+zeros!(Loads: thrust, shed_thrust, resistive_thrust, mount_thrust, torque, power, positive_power);
 
 lanewise!(Loads: thrust, shed_thrust, resistive_thrust, mount_thrust, torque, power, positive_power);
 

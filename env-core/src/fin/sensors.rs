@@ -6,6 +6,7 @@ use super::servo::{RATE_LIMIT, STAGES};
 use crate::lane::{Mask, Real};
 use crate::seed::Stream;
 use crate::spec::Space;
+use crate::vec2::Vec2;
 
 /// Unit of the observed pitch and turning angles \[rad\].
 pub const ANGLE_UNIT: f64 = 0.5;
@@ -61,54 +62,62 @@ pub fn observe<R: Real>(
         }
         R::from_fn(|lane| if lanes.get(lane) { deviation * streams[lane].normal() } else { 0.0 })
     };
-    let mut at = 0;
-    let mut put = |value: R, unit: f64| {
-        observation[at] = observed(value, unit);
-        at += 1;
-    };
+    let mut slots = observation.iter_mut();
+    let slots = &mut slots;
     let (x, v) = (&plant.body.now.x, &plant.body.now.v);
     match config.sensors {
         Sensors::Full => {
-            put(plant.servo.angle + noise(angle_noise), ANGLE_UNIT);
-            put(plant.servo.rate + noise(rate_noise), RATE_LIMIT);
+            put(slots, plant.servo.angle + noise(angle_noise), ANGLE_UNIT);
+            put(slots, plant.servo.rate + noise(rate_noise), RATE_LIMIT);
             for stage in &plant.servo.smoothed {
-                put(stage.angle, ANGLE_UNIT);
-                put(stage.rate, RATE_LIMIT);
+                put(slots, stage.angle, ANGLE_UNIT);
+                put(slots, stage.rate, RATE_LIMIT);
             }
             // Tangent of half the turning angle is what the rod knows; the angle itself is what one reads.
-            let tangent = |k: usize| {
-                let e = x[k + 1] - x[k];
-                let inverse = R::one() / e.dot(e).sqrt();
-                let t = e.scale(inverse);
-                (t, t.cross(v[k + 1] - v[k]) * inverse)
-            };
             let last = x.len() - 1;
-            let mut before = tangent(0).0;
+            let mut before = tangent(x, v, 0).0;
             for k in 1..last {
-                let after = tangent(k).0;
+                let after = tangent(x, v, k).0;
                 let (cosine, sine) = (before.dot(after), before.cross(after));
                 let half = sine / (R::one() + cosine);
                 let angle = half.atan();
-                put(angle + angle + noise(angle_noise), ANGLE_UNIT);
+                put(slots, angle + angle + noise(angle_noise), ANGLE_UNIT);
                 before = after;
             }
-            let mut before = tangent(0).1;
+            let mut before = tangent(x, v, 0).1;
             for k in 1..last {
-                let after = tangent(k).1;
-                put(after - before + noise(rate_noise), RATE_UNIT);
+                let after = tangent(x, v, k).1;
+                put(slots, after - before + noise(rate_noise), RATE_UNIT);
                 before = after;
             }
-            put(plant.mean.thrust, THRUST_UNIT);
-            put(plant.mean.torque, TORQUE_UNIT);
+            put(slots, plant.mean.thrust, THRUST_UNIT);
+            put(slots, plant.mean.torque, TORQUE_UNIT);
         }
         Sensors::Camera => {
-            put(plant.commands[0], 1.0);
+            put(slots, plant.commands[0], 1.0);
             let edge = config.design.geometry.edge_length;
             for node in x {
-                put(node.y + noise(angle_noise * edge), edge);
+                put(slots, node.y + noise(angle_noise * edge), edge);
             }
         }
     }
+}
+
+// (Functions, since a closure is not always inlined.)
+
+/// Writes a number as it is observed into the next slot.
+#[inline(always)]
+fn put<R: Real>(slots: &mut std::slice::IterMut<'_, R>, value: R, unit: f64) {
+    *slots.next().expect("the space has one for each") = observed(value, unit);
+}
+
+/// Unit tangent of edge k, and the rate at which it turns.
+#[inline(always)]
+fn tangent<R: Real>(x: &[Vec2<R>], v: &[Vec2<R>], k: usize) -> (Vec2<R>, R) {
+    let e = x[k + 1] - x[k];
+    let inverse = R::one() / e.dot(e).sqrt();
+    let t = e.scale(inverse);
+    (t, t.cross(v[k + 1] - v[k]) * inverse)
 }
 
 /// A number as it is observed: in its unit, clipped.

@@ -3,6 +3,7 @@
 use crate::lane::Real;
 use crate::lanewise;
 use crate::vec2::Vec2;
+use crate::zeros;
 
 /// Motion of one edge relative to the water, in its own frame: `t` from first to second node, `n` to
 /// the left of it.
@@ -52,7 +53,7 @@ impl<R: Real> EdgeMotion<R> {
 
 /// Forces on the two nodes of an edge, `(t, n)` of the first, then of the second, with their partial
 /// derivatives by length and end velocities **in the edge's frame**.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct EdgeLinear<R> {
     /// The force components.
     pub force: [R; 4],
@@ -63,6 +64,8 @@ pub struct EdgeLinear<R> {
     /// Derivatives by the normal velocities of both nodes.
     pub by_w: [[R; 4]; 2],
 }
+
+zeros!(EdgeLinear: force, by_length, by_u, by_w);
 
 lanewise!(EdgeLinear: force, by_length, by_u, by_w);
 

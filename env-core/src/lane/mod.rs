@@ -32,9 +32,11 @@ mod dual;
 mod lanewise;
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod x86;
+mod zero;
 
 pub use dual::{DIRECTIONS, Dual};
 pub use lanewise::Lanewise;
+pub use zero::Zero;
 
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};

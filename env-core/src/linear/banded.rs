@@ -1,7 +1,7 @@
 //! A banded matrix of 2 x 2 blocks that is kept as a whole, in lanes.
 
 use super::elimination::{Ascent, Block, Descent, Front, Hook, block};
-use crate::lane::Real;
+use crate::lane::{Real, Zero};
 use crate::lanewise;
 use crate::vec2::Vec2;
 
@@ -75,7 +75,7 @@ impl<R: Real> Banded<R> {
     pub fn hold(&mut self, row: usize) {
         let last = (row + 2).min(self.hooks.len() - 1);
         for column in row.saturating_sub(2)..=last {
-            *self.block(row, column) = Block::default();
+            *self.block(row, column) = Block::zeros();
         }
         *self.block(row, row) = [[R::one(), R::zero()], [R::zero(), R::one()]];
     }

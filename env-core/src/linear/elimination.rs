@@ -8,12 +8,13 @@
 use crate::lane::Real;
 use crate::lanewise;
 use crate::vec2::Vec2;
+use crate::zeros;
 
 /// A 2 x 2 block, by rows.
 pub type Block<R> = [[R; 2]; 2];
 
 /// What a matrix has of one node: its diagonal block, and the blocks that couple it to the two nodes after it.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct Hook<R> {
     /// Block (i, i); after elimination the inverse of the pivot.
     pub diagonal: Block<R>,
@@ -22,6 +23,8 @@ pub struct Hook<R> {
     /// Blocks (i+1, i) and (i+2, i).
     pub below: [Block<R>; 2],
 }
+
+zeros!(Hook: diagonal, right, below);
 
 lanewise!(Hook: diagonal, right, below);
 
@@ -111,12 +114,14 @@ fn apply<R: Real>(a: &Block<R>, x: Vec2<R>) -> Vec2<R> {
 }
 
 /// What the nodes that are eliminated subtract from the blocks of the next two.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct Front<R> {
     diagonal: [Block<R>; 2],
     right: Block<R>,
     below: Block<R>,
 }
+
+zeros!(Front: diagonal, right, below);
 
 impl<R: Real> Front<R> {
     /// Eliminates the next node, without pivoting: an implicit step adds the masses to the diagonal, which keeps the
@@ -147,8 +152,10 @@ impl<R: Real> Front<R> {
 }
 
 /// A right-hand side on its way down the nodes.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct Descent<R>([Vec2<R>; 2]);
+
+zeros!(Descent: 0);
 
 impl<R: Real> Descent<R> {
     /// Takes the next node's two numbers past its eliminated hook.
@@ -161,8 +168,10 @@ impl<R: Real> Descent<R> {
 }
 
 /// The solution on its way up the nodes.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct Ascent<R>([Vec2<R>; 2]);
+
+zeros!(Ascent: 0);
 
 impl<R: Real> Ascent<R> {
     /// The solution at the node before, from what `Descent` left there and its eliminated blocks to the right. The

@@ -6,12 +6,13 @@
 //! blocks are sums and differences of theirs.
 
 use super::{EdgeSlopes, Rod, Shape};
-use crate::lane::Real;
+use crate::lane::{Real, Zero};
 use crate::linear::{Banded, Block, Hook, block};
 use crate::vec2::Vec2;
+use crate::zeros;
 
 /// What one edge adds to the force on the node at its start, and takes from that at its end.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 struct Edge<R> {
     pull: Vec2<R>,
     own: Block<R>,
@@ -19,8 +20,10 @@ struct Edge<R> {
     down: Block<R>,
 }
 
+zeros!(Edge: pull, own, up, down);
+
 /// An edge of which the moment at its end is not yet known.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 struct OpenEdge<R> {
     t: Vec2<R>,
     inverse: R,
@@ -35,8 +38,12 @@ struct OpenEdge<R> {
     couple: R,
     /// Of the bending forces.
     own: Block<R>,
-    slopes: EdgeSlopes<R>,
+    /// See `EdgeSlopes`.
+    start: Vec2<R>,
+    end: Vec2<R>,
 }
+
+zeros!(OpenEdge: t, inverse, tension, slope, rate, turn, couple, own, start, end);
 
 impl<R: Real> OpenEdge<R> {
     #[inline(always)]
@@ -50,8 +57,7 @@ impl<R: Real> OpenEdge<R> {
         // Second derivative of the angle, -(t n' + n t')/|e|^2, applied to de.
         let turn = -(t.scale(rate) + slope.scale(t.dot(de))).scale(inverse);
         let tension = rod.stretch_rate[k] * length - rod.stretch[k];
-        let slopes = EdgeSlopes { turn: slope, ..EdgeSlopes::default() };
-        OpenEdge { t, inverse, tension, slope, rate, turn, slopes, ..OpenEdge::default() }
+        OpenEdge { t, inverse, tension, slope, rate, turn, ..OpenEdge::default() }
     }
 
     /// Adds the bending between this edge and the one `after` it. Returns `up`, `down` and `1 + cos(phi)`.
@@ -77,8 +83,8 @@ impl<R: Real> OpenEdge<R> {
         // dphi/de is -slope for this edge and slope for the one after; damping adds that the slopes turn.
         let before = self.slope.scale(stiffness) + self.turn.scale(damping);
         let behind = after.slope.scale(stiffness) + after.turn.scale(damping);
-        self.slopes.end = self.slope.scale(rigid) + self.turn.scale(damping);
-        after.slopes.start = after.slope.scale(rigid) + after.turn.scale(damping);
+        self.end = self.slope.scale(rigid) + self.turn.scale(damping);
+        after.start = after.slope.scale(rigid) + after.turn.scale(damping);
         add(&mut self.own, outer(self.slope, before));
         after.own = outer(after.slope, behind);
         (outer(-self.slope, behind), outer(-after.slope, before), open)
@@ -95,9 +101,9 @@ impl<R: Real> OpenEdge<R> {
         let xy = (along - across) * cs - mixed * (cc - ss);
         let twist = mixed * (cs + cs);
         let (xx, yy) = (along * cc + across * ss + twist, along * ss + across * cc - twist);
-        self.slopes.pull = [xx, xy, yy];
         add(&mut self.own, [[xx, xy], [xy, yy]]);
-        (Edge { pull, own: self.own, up, down }, self.slopes)
+        let OpenEdge { slope: turn, start, end, own, .. } = self;
+        (Edge { pull, own, up, down }, EdgeSlopes { pull: [xx, xy, yy], turn, start, end })
     }
 }
 
@@ -160,18 +166,15 @@ impl<R: Real> Iterator for Linearized<'_, R> {
         self.node += 1;
         // Node i needs the edge after it, which the moment at the end of that completes.
         let mut edge = Edge::default();
-        if i + 1 < nodes {
-            let (mut up, mut down) = (Block::default(), Block::default());
-            let mut next = OpenEdge::default();
-            if i + 2 < nodes {
-                next = OpenEdge::new(rod, x, v, i + 1);
-                let (bend, damping) = (rod.bend[i + 1], rod.bend_damping[i + 1]);
-                let openness;
-                (up, down, openness) = open.bend(&mut next, bend, damping, *rate);
-                shape.openness = shape.openness.min(openness);
-            }
+        if i + 2 < nodes {
+            let mut next = OpenEdge::new(rod, x, v, i + 1);
+            let (bend, damping) = (rod.bend[i + 1], rod.bend_damping[i + 1]);
+            let (up, down, openness) = open.bend(&mut next, bend, damping, *rate);
+            shape.openness = shape.openness.min(openness);
             (edge, *slopes) = open.close(rod.stretch_rate[i], up, down);
             *open = next;
+        } else if i + 1 < nodes {
+            (edge, *slopes) = open.close(rod.stretch_rate[i], Block::zeros(), Block::zeros());
         }
         let mut force = edge.pull - before.pull - v[i].scale(rod.damping);
         force.y -= rod.mass[i] * rod.gravity;

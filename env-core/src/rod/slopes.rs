@@ -8,9 +8,10 @@
 use super::Rod;
 use crate::lane::Real;
 use crate::vec2::Vec2;
+use crate::zeros;
 
 /// The derivative of what one edge does.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct EdgeSlopes<R> {
     /// Of its pull by itself at constant moments: xx, xy and yy of a symmetric block \[N/m\].
     pub pull: [R; 3],
@@ -21,6 +22,8 @@ pub struct EdgeSlopes<R> {
     /// See `start`.
     pub end: Vec2<R>,
 }
+
+zeros!(EdgeSlopes: pull, turn, start, end);
 
 impl<R: Real> EdgeSlopes<R> {
     /// Those of one lane, the same in every lane of `T`.
@@ -57,9 +60,9 @@ pub fn force_changes<R: Real, T: Real>(
 ) {
     let last = edges.len();
     let (x, v, forces) = (&x[..=last], &v[..=last], &mut forces[..=last]);
-    // Of the edge before: its slopes, its pull but for the moment at its end, and how fast it turns. And the pull of the
-    // one before that.
-    let mut before = EdgeSlopes::default();
+    // Of the edge before: the gradient of its angle, its pull but for the moment at its end, and how fast it turns. And
+    // the pull of the one before that.
+    let mut turn = Vec2::zero();
     let (mut pull, mut rate, mut moment_of_before) = (Vec2::zero(), T::zero(), T::zero());
     let mut pull_before = Vec2::zero();
     for k in 0..last {
@@ -71,12 +74,12 @@ pub fn force_changes<R: Real, T: Real>(
             let damping = T::splat(rod.bend_damping[k]);
             let moment = edge.start.dot(e) - moment_of_before + damping * (own_rate - rate);
             own += edge.turn.scale(moment);
-            pull -= before.turn.scale(moment);
+            pull -= turn.scale(moment);
             forces[k - 1] = pull - pull_before;
             pull_before = pull;
         }
         moment_of_before = edge.end.dot(e);
-        (before, pull, rate) = (edge, own, own_rate);
+        (turn, pull, rate) = (edge.turn, own, own_rate);
     }
     forces[last - 1] = pull - pull_before;
     forces[last] = -pull;
@@ -100,9 +103,9 @@ pub fn force_gradients<R: Real, T: Real>(
 ) {
     let last = edges.len();
     let (x, v, forces) = (&mut x[..=last], &mut v[..=last], &forces[..=last]);
-    // Of the edge before: its slopes, and the gradients by it, by its rate and by the couple that bends it. And those by
-    // the one before that.
-    let mut before = EdgeSlopes::default();
+    // Of the edge before: two of its slopes, and the gradients by it, by its rate and by the couple that bends it. And
+    // those by the one before that.
+    let (mut turn, mut end) = (Vec2::zero(), Vec2::zero());
     let (mut e, mut rate, mut couple) = (Vec2::zero(), T::zero(), T::zero());
     let (mut e_before, mut de_before) = (Vec2::zero(), Vec2::zero());
     for k in 0..last {
@@ -116,14 +119,14 @@ pub fn force_gradients<R: Real, T: Real>(
             let damped = T::splat(rod.bend_damping[k]) * moment;
             own += edge.start.scale(moment);
             own_rate = damped;
-            e -= before.end.scale(moment);
-            let de = before.turn.scale(rate - damped);
+            e -= end.scale(moment);
+            let de = turn.scale(rate - damped);
             (x[k - 1], v[k - 1]) = (e_before - e, de_before - de);
             (e_before, de_before) = (e, de);
         }
-        (before, e, rate, couple) = (edge, own, own_rate, own_couple);
+        (turn, end, e, rate, couple) = (edge.turn, edge.end, own, own_rate, own_couple);
     }
-    let de = before.turn.scale(rate);
+    let de = turn.scale(rate);
     (x[last - 1], v[last - 1]) = (e_before - e, de_before - de);
     (x[last], v[last]) = (e, de);
     (x[0], v[0]) = (Vec2::zero(), Vec2::zero());

@@ -49,7 +49,8 @@ impl<R: Real> Kernel for Run<'_, R> {
     fn run(self) -> Self::Output {
         let Work { rod, phases, materials, state } = self.0;
         let mut linear = Linear::<R>::new(rod, true);
-        let mut pull = Pull::new(state, materials);
+        let implicit = phases.iter().any(|phase| phase.tape.implicit());
+        let mut pull = Pull::new(state, materials, implicit);
         let mut torques = vec![0.0; phases.len()];
         for (Phase { tape, torque, hand }, by_torque) in phases.iter().zip(&mut torques).rev() {
             pull.torque = 0.0;
@@ -106,9 +107,12 @@ impl<'a, R: Real> Pull<'a, R> {
     fn new(
         (state, past): (&'a mut Motion<f64>, &'a mut Past<f64, Motion<f64>>),
         rods: &[Rod<Dual>],
+        implicit: bool,
     ) -> Self {
         let nodes = state.x.len();
         let zeros = || vec![Vec2::zero(); nodes];
+        // (Verlet's steps need no memory of stages.)
+        let stages = || vec![Vec2::zero(); if implicit { nodes } else { 0 }];
         let mut materials = Vec::with_capacity(rods.len());
         for rod in rods {
             materials.push((Material::new(rod), R::zero()));
@@ -118,9 +122,9 @@ impl<'a, R: Real> Pull<'a, R> {
             before: [&mut past.before.x, &mut past.before.v],
             torque: 0.0,
             materials,
-            start: [zeros(), zeros()],
-            origin: [zeros(), zeros()],
-            slopes: vec![[zeros(), zeros()]; MOST_SLOPES],
+            start: [stages(), stages()],
+            origin: [stages(), stages()],
+            slopes: vec![[stages(), stages()]; MOST_SLOPES],
             force: zeros(),
             work: [zeros(), zeros()],
         }

@@ -10,6 +10,7 @@ use crate::lane::{Mask, Real};
 use crate::linear::{Ascent, Block, Border, Descent, Front};
 use crate::rod::{Motion, Rod, Shape, linearize};
 use crate::vec2::Vec2;
+use crate::zeros;
 
 /// A stage has converged when what remains is below this share of the rod's length. Convergence is quadratic: after a
 /// correction d (the sum over all coordinates) no more than about d^2 over the length of an edge.
@@ -31,11 +32,13 @@ pub struct Elimination<R> {
     pub sharpness: f64,
 }
 
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 struct Row<R> {
     right: [Block<R>; 2],
     y: Vec2<R>,
 }
+
+zeros!(Row: right, y);
 
 impl<R: Real> Elimination<R> {
     /// Memory for rods of `nodes` nodes and for schemes that keep `slopes` slopes.

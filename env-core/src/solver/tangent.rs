@@ -72,9 +72,10 @@ impl<R: Real> Kernel for Run<'_, '_, R> {
     fn run(self) {
         let Work { rod, phases, carried } = self.0;
         let mut linear = Linear::<R>::new(rod, false);
+        let implicit = phases.iter().any(|phase| phase.tape.implicit());
         let mut flows: Vec<Flow<R>> = Vec::with_capacity(carried.len());
         for one in &*carried {
-            flows.push(Flow::new(one));
+            flows.push(Flow::new(one, implicit));
         }
         for (k, Phase { tape, torque, hand }) in phases.iter().enumerate() {
             for (flow, one) in flows.iter_mut().zip(&*carried) {
@@ -158,10 +159,12 @@ fn write<R: Real>(from: &[Vec2<R>], to: &mut [Vec2<Dual>]) {
 
 impl<R: Real> Flow<R> {
     #[inline(always)]
-    fn new(from: &Carried<'_>) -> Self {
+    fn new(from: &Carried<'_>, implicit: bool) -> Self {
         let Motion { x, v, a, .. } = &*from.motion;
         let before = &from.past.before;
         let zeros = || vec![Vec2::zero(); x.len()];
+        // (Verlet's steps need no memory of stages.)
+        let stages = || vec![Vec2::zero(); if implicit { x.len() } else { 0 }];
         let mut a = read::<R>(a);
         // (What of it is due to the torque stands in the place of the pinned node.)
         a[1] = a[1] - a[0];
@@ -173,9 +176,9 @@ impl<R: Real> Flow<R> {
             torque: R::zero(),
             material: from.rod.map(Material::new),
             before: [read(&before.x), read(&before.v)],
-            start: [zeros(), zeros()],
-            origin: [zeros(), zeros()],
-            slopes: vec![[zeros(), zeros()]; MOST_SLOPES],
+            start: [stages(), stages()],
+            origin: [stages(), stages()],
+            slopes: vec![[stages(), stages()]; MOST_SLOPES],
             work: zeros(),
         }
     }

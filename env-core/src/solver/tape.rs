@@ -48,6 +48,11 @@ impl Tape {
         &self.moves
     }
 
+    /// Whether its moments are stages of an implicit scheme.
+    pub(super) fn implicit(&self) -> bool {
+        matches!(self.moves.first(), Some(Move::Stage { .. }))
+    }
+
     /// Positions and velocities at a moment.
     pub fn moment(&self, at: usize) -> (&[Vec2<f64>], &[Vec2<f64>]) {
         let nodes = at * self.nodes..(at + 1) * self.nodes;

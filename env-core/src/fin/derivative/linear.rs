@@ -9,7 +9,7 @@ use crate::fin::Body;
 use crate::fluid::Water;
 use crate::fluid::edge::{EdgeLinear, EdgeMotion};
 use crate::fluid::terms::{Gather, Kind, Term};
-use crate::lane::{Kernel, Lanewise, Real};
+use crate::lane::{Kernel, Lanewise, Real, Zero};
 use crate::lanewise;
 use crate::linear::Banded;
 use crate::rod::{Rod, add_stiffness};
@@ -107,7 +107,7 @@ struct Slopes<'a, R> {
 impl<R: Real> Gather<R> for Slopes<'_, R> {
     #[inline(always)]
     fn open(&mut self) {
-        self.edge = Default::default();
+        self.edge = Zero::zeros();
     }
     #[inline(always)]
     fn add<T: Term<R>>(&mut self, _k: usize, edge: &EdgeMotion<R>, term: &T) {
@@ -226,7 +226,7 @@ impl<R: Real> Kernel for Look<'_, '_, R> {
             }
         }
         let design = &body.design;
-        let mut slopes = Slopes { rate, maps, edge: Default::default() };
+        let mut slopes = Slopes { rate, maps, edge: Zero::zeros() };
         water.act(design.hydrodynamics, &body.perimeter, x, v, &mut slopes);
         let Maps { residual, momentum, eliminated, hull, surge, inverse, .. } = maps;
         let pivot = design.geometry.pivot;
