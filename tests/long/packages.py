@@ -27,6 +27,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 try:
@@ -158,15 +159,17 @@ class Fresh:
         return ran.stdout + ran.stderr
 
     def added_seconds(self, program: str, more: str) -> tuple[float, float]:
-        """What `more` adds to a program: wall and CPU time, the least of runs that take turns."""
-        runs: dict[str, list[tuple[float, float]]] = {program: [], f"{program}; {more}": []}
+        """What `more` adds to a program: wall and CPU time, medians of pairs of runs."""
+        added = []
         for _ in range(15):
-            for code, times in runs.items():
+            runs = []
+            for code in (program, f"{program}; {more}"):
                 wall, cpu = time.perf_counter(), cpu_seconds()
                 self.run("python", "-c", code)
-                times.append((time.perf_counter() - wall, cpu_seconds() - cpu))
-        alone, both = ([min(kind) for kind in zip(*times, strict=True)] for times in runs.values())
-        return both[0] - alone[0], both[1] - alone[1]
+                runs.append((time.perf_counter() - wall, cpu_seconds() - cpu))
+            added.append([both - alone for alone, both in zip(*runs, strict=True)])
+        wall, cpu = map(median, zip(*added, strict=True))
+        return wall, cpu
 
 
 def cpu_seconds() -> float:
