@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import numpy as np
+import pytest
 from conftest import SWING_UP
 from remote_helpers import need_server, serving
 
@@ -31,10 +32,13 @@ def test_the_client_in_the_protocol_document_steps_an_environment():
     assert names["reward"] == tuple(reward.tolist())
 
 
-def test_every_test_that_the_proofs_name_exists():
-    rows = re.findall(r"^\|.*\| `(.*)` \|$", (DOCS / "remote-proofs.md").read_text(), re.MULTILINE)
-    named = [name for row in rows for name in row.split("`, `")]
-    sources = [*ROOT.glob("tests/python/test_remote*.py"), *ROOT.glob("env-server/**/*.rs")]
+@pytest.mark.parametrize("page", ["remote-proofs.md", "records/faults.md"])
+def test_every_test_that_a_page_of_faults_names_exists(page):
+    rows = re.findall(r"^\|.*\| (`.*`) \|$", (DOCS / page).read_text(), re.MULTILINE)
+    named = [name for row in rows for name in re.findall(r"`(\w+)`", row)]
+    sources = [*ROOT.glob("tests/python/test_*.py")]
+    for folder in ("env-server/src", "env-server/tests", "baselines/tests"):
+        sources += (ROOT / folder).glob("**/*.rs")
     text = "\n".join(path.read_text() for path in sources)
     missing = [name for name in named if not re.search(rf"\b(def|fn) {name}\b", text)]
     assert len(named) > 40 and not missing
