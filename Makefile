@@ -19,7 +19,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 FUZZ_SECONDS ?= 600
 SOAK_MINUTES ?= 30
 
-.PHONY: help demo test lint lint-rust lint-python test-rust test-python test-oldest extension bench scores controllers clean
+.PHONY: help demo test lint lint-rust lint-python lint-workflows test-rust test-python test-oldest extension bench scores controllers clean
 .PHONY: venv set-up docs packages neighbours
 .PHONY: server test-remote bench-remote soak fuzz ray bench-ray
 
@@ -48,6 +48,10 @@ $(DOCS)/.ready: docs/requirements.txt
 packages: venv ## wheel and sdist, built and tried in fresh environments, each extra alone
 	$(BIN)/python tests/long/packages.py
 
+.PHONY: crates
+crates: ## what `cargo publish` would send, compiled as others would compile it
+	cargo publish --dry-run --package rodgym-core --package rodgym-baselines
+
 # Libraries that others train and store episodes with, in an environment of its own.
 NEIGHBOURS := .venv-neighbours
 neighbours: extension $(NEIGHBOURS)/.ready ## TorchRL, Minari, tianshou, skrl, rl_zoo3 over these environments
@@ -59,22 +63,37 @@ $(NEIGHBOURS)/.ready: tests/neighbours.txt
 	$(NEIGHBOURS)/bin/python -m pip install --quiet -r tests/neighbours.txt
 	touch $@
 
+# A benchmark of rod solvers that others keep, with the solvers that it brings.
+COSSERAT := .venv-cosseratbench
+.PHONY: cosseratbench
+cosseratbench: extension $(COSSERAT)/.ready ## cosseratbench's planar cases, here and by others: writes docs/performance/cosseratbench.md
+	OMP_NUM_THREADS=1 PYTHONPATH=py-bindings/python $(COSSERAT)/bin/python tests/long/cosserat.py
+
+$(COSSERAT)/.ready: tests/cosseratbench.txt
+	$(PYTHON) -m venv $(COSSERAT)
+	$(COSSERAT)/bin/python -m pip install --quiet -r tests/cosseratbench.txt
+	touch $@
+
 test: lint test-rust test-oldest test-python ## everything that must hold before a change lands
 # One extension for all of it, the one with the server; linters see its code too. (Without: `default` keeps
 # the features of pyproject.toml out, which would compile libzmq for a demo.)
 test lint server: FEATURES := --features server
 
-lint: lint-rust lint-python ## formats, clippy, ruff, mypy
+lint: lint-rust lint-python lint-workflows ## formats, clippy, ruff, mypy, workflows
 
-# (The bindings are built for the environment's Python.)
+# (The bindings are built for the environment's Python, and once: the library of them has the same sources.)
 lint-rust: venv
 	cargo fmt --all --check
-	cargo clippy --workspace --all-targets $(FEATURES) -- -D warnings
+	cargo clippy --workspace --exclude rodgym-bindings --exclude own-task-wheel --all-targets $(FEATURES) -- -D warnings
 
 lint-python: extension
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+# (shellcheck reads the scripts inside the workflows.)
+lint-workflows: venv
+	$(BIN)/jactionlint --strict-exit --shellcheck=$(BIN)/shellcheck
 
 # With FEATURES (so in `make test`) also what needs libzmq: CURVE, the program, its signals.
 test-rust:

@@ -25,6 +25,7 @@ from rodgym.report.reward import reward_of
 DOCS = Path(__file__).parent
 ENVIRONMENTS = DOCS / "environments"
 SCORES = ENVIRONMENTS / "scores.csv"
+BEST_KNOWN = "../best-known.md"
 NOTE = "<!-- Written by docs/pages.py. -->\n\n"
 
 #: Page, title and class of each family of environments.
@@ -186,16 +187,33 @@ def scores_section(env_id: str) -> list[str]:
         (f"`{r['policy']}`", f"{float(r['return']):.1f}", r["success"] or "-", r["seeds"])
         for r in rows
     ]
+    known = best_known(env_id)
+    shown += known
     lines = [
         "Mean returns over episodes from the same seeds, by `rodgym evaluate`. *Success*: episodes",
         "that end [upright](../glossary.md#scores), in percent. `zoo` is the trained policy that",
         "comes with rodgym.\n",
         *table(("policy", "return", "success", "seeds"), shown),
     ]
-    if (DOCS / "best-known.md").is_file():
-        known = "[best known returns](../best-known.md)"
-        lines.append(f"The highest returns that anybody has found are in {known}.\n")
+    if known:
+        lines.append("*Best known*: the actions of each episode that a search found; no policy.\n")
+    else:
+        lines.append(f"Nobody has searched for the [best return]({BEST_KNOWN}) of this task yet.\n")
     return lines
+
+
+def best_known(env_id: str) -> list[tuple[str, ...]]:
+    """The row of the best actions that are kept, of the environment with its defaults."""
+    from rodgym.optimal import kept
+
+    best: dict[int, float] = {}
+    for episode in kept(env_id):
+        if not episode.config:
+            best[episode.seed] = max(episode.total, best.get(episode.seed, episode.total))
+    if not best:
+        return []
+    mean = sum(best.values()) / len(best)
+    return [(f"[best known]({BEST_KNOWN})", f"{mean:.1f}", "-", f"{min(best)} to {max(best)}")]
 
 
 def play() -> None:

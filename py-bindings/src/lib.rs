@@ -29,6 +29,15 @@ use pyo3::prelude::*;
 /// The Rust core of rodgym. Use the package `rodgym`; this module is its engine.
 #[pymodule]
 fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    register(module)
+}
+
+/// Adds everything of rodgym to a module: what an extension of one's own calls after it has added to the
+/// catalogue (`examples/own-task/wheel`).
+///
+/// # Errors
+/// Python is out of memory, or the module has something of that name.
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     analysis::register(module)?;
     baselines::register(module)?;

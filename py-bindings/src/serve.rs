@@ -26,7 +26,7 @@ fn serve(py: Python<'_>, arguments: Vec<OsString>) -> PyResult<u8> {
 #[pyfunction]
 fn serve(arguments: Vec<OsString>) -> PyResult<u8> {
     const HELP: &str = include_str!("../../env-server/src/net/help.txt");
-    const MISSING: &str = "this build of rodgym has no network server, wheels do; in a clone `make server` adds it (some minutes, once)";
+    const MISSING: &str = "this build of rodgym has no network server. Wheels have it; in a clone, `make server` adds it (some minutes, once)";
     if arguments.iter().any(|word| word == "-h" || word == "--help") {
         print!("{HELP}\nBut {MISSING}.\n");
         return Ok(0);

@@ -1,7 +1,8 @@
 """Wheel and source archive as a stranger gets them: `make packages`.
 
 Builds both into dist/, installs each in fresh environments and tries it there: the wheel alone,
-with each extra alone, and what the source archive builds. Ends with an error where something fails,
+with each extra alone, what the source archive builds, and beside the wheel that of
+`examples/own-task`, which adds a task in Rust. Ends with an error where something fails,
 where the wheel is larger than 8 MB, or where importing rodgym adds more than 0.15 s to importing
 Gymnasium. What was tried with the same file is not tried again: stopped, it goes on where it was.
 It writes docs/records/packages.md, which also says what was not tried yet.
@@ -9,6 +10,7 @@ It writes docs/records/packages.md, which also says what was not tried yet.
     python tests/long/packages.py                       # everything
     python tests/long/packages.py --extras render       # the wheel, and these extras
     python tests/long/packages.py --no-sdist            # not what the source archive builds
+    python tests/long/packages.py --no-own              # not the wheel of examples/own-task
     python tests/long/packages.py --wheel dist/X.whl    # a wheel that is built already
 """
 
@@ -25,10 +27,17 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from statistics import median
 from typing import Any
+
+try:
+    import resource
+except ImportError:  # Windows
+    resource = None  # type: ignore[assignment]
 
 ROOT = Path(__file__).parents[2]
 DIST = ROOT / "dist"
+OWN_CRATE = ROOT / "examples" / "own-task" / "wheel" / "Cargo.toml"
 LOG = ROOT / "runs" / "packages" / "log.json"
 PAGE = ROOT / "docs" / "records" / "packages.md"
 LARGEST, SLOWEST = 8_000_000, 0.15
@@ -58,6 +67,32 @@ finally:
     server.terminate()
     server.wait()
 """
+#: A study of two cases.
+STUDY = """
+open("sweep.yml", "w").write('''
+title: Two rods
+env: rodgym/PendulumSwingUp-v0
+seeds: 2
+sweep: {policy: [lqr], env.width: [0.006, 0.008]}
+plot: {x: env.width, value: upright, line: policy}
+''')
+"""
+#: The environment of examples/own-task, single and in batches, beside rodgym's own.
+OWN = """
+import own_task, gymnasium as gym, numpy as np
+envs = gym.make_vec("example/PendulumLevel-v0", num_envs=64)
+envs.reset(seed=0)
+rewards, infos = envs.step(np.zeros((64, 1)))[1::3]
+assert set(infos["reward_terms"]) >= {"level", "effort"}, infos
+env = gym.make("example/PendulumLevel-v0")
+env.reset(seed=7)
+assert env.step(np.zeros(1))[1] == rewards[7]
+assert gym.make("rodgym/PendulumSwingUp-v0").reset(seed=0)[0].shape == (18,)
+"""
+#: A policy that was exported elsewhere.
+ONNX = ROOT / "runs" / "packages" / "zoo.onnx"
+OWN_ID = "example/PendulumLevel-v0"
+RLLIB = str(ROOT / "docs" / "examples" / "rllib_ppo.py")
 #: What is tried with each extra alone, beside that. An extra of two names is both of them.
 WITH_EXTRA = {
     "report": [
@@ -68,7 +103,7 @@ WITH_EXTRA = {
     "data": [
         ("rodgym", "evaluate", "lqr", "--seeds", "2", "--trajectories", "parquet", "--name", "d")
     ],
-    "export": [("python", "-c", "import rodgym.export, onnxruntime")],
+    "export": [("rodgym", "evaluate", str(ONNX), "--seeds", "2", "--name", "o")],
     "lab": [
         ("python", "-c", FILM),
         ("python", "-c", "import rodgym.lab.vision"),
@@ -81,7 +116,11 @@ WITH_EXTRA = {
     ],
     "train,tune": [("rodgym", "tune", "--trials", "1", "--steps", "9000", "--name", "u")],
     "train,export": [("rodgym", "export", "zoo", "--out", "zoo.onnx")],
-    "ray": [("python", "-c", "import rodgym.ray; rodgym.ray.register()")],
+    "ray": [
+        ("python", "-c", STUDY),
+        ("rodgym", "study", "sweep.yml", "--ray", "local", "--workers", "2"),
+    ],
+    "rllib": [("python", RLLIB, "--iterations", "1", "--seeds", "2")],
 }
 #: A command that needs an extra which is not here says which one, at once, with exit code 2.
 LACKING = (
@@ -120,28 +159,33 @@ class Fresh:
         return ran.stdout + ran.stderr
 
     def added_seconds(self, program: str, more: str) -> tuple[float, float]:
-        """What `more` adds to a program: wall and CPU time, the least of runs that take turns."""
-        runs: dict[str, list[tuple[float, float]]] = {program: [], f"{program}; {more}": []}
+        """What `more` adds to a program: wall and CPU time, medians of pairs of runs."""
+        added = []
         for _ in range(15):
-            for code, times in runs.items():
+            runs = []
+            for code in (program, f"{program}; {more}"):
                 wall, cpu = time.perf_counter(), cpu_seconds()
                 self.run("python", "-c", code)
-                times.append((time.perf_counter() - wall, cpu_seconds() - cpu))
-        alone, both = ([min(kind) for kind in zip(*times, strict=True)] for times in runs.values())
-        return both[0] - alone[0], both[1] - alone[1]
+                runs.append((time.perf_counter() - wall, cpu_seconds() - cpu))
+            added.append([both - alone for alone, both in zip(*runs, strict=True)])
+        wall, cpu = map(median, zip(*added, strict=True))
+        return wall, cpu
 
 
 def cpu_seconds() -> float:
     """CPU time of all programs that were run: what a busy machine disturbs least."""
-    used = os.times()
-    return used.children_user + used.children_system
+    if resource is None:
+        used = os.times()
+        return used.children_user + used.children_system
+    finer = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return finer.ru_utime + finer.ru_stime
 
 
-def build(*words: str) -> Path:
+def build(*words: str, out: Path = DIST) -> Path:
     """The file that maturin writes."""
-    before = set(DIST.glob("*"))
-    subprocess.run([sys.executable, "-m", "maturin", *words, "--out", DIST], cwd=ROOT, check=True)
-    files = set(DIST.glob("*")) - before or set(DIST.glob("*.gz" if "sdist" in words else "*.whl"))
+    before = set(out.glob("*"))
+    subprocess.run([sys.executable, "-m", "maturin", *words, "--out", out], cwd=ROOT, check=True)
+    files = set(out.glob("*")) - before or set(out.glob("*.gz" if "sdist" in words else "*.whl"))
     return max(files, key=lambda path: path.stat().st_mtime)
 
 
@@ -161,8 +205,9 @@ def try_plain(fresh: Fresh, package: Path) -> None:
 class Log:
     """What was tried with which file, by the file's hash."""
 
-    def __init__(self, package: Path) -> None:
-        self.digest = hashlib.sha256(package.read_bytes()).hexdigest()
+    def __init__(self, *packages: Path) -> None:
+        content = b"".join(package.read_bytes() for package in packages)
+        self.digest = hashlib.sha256(content).hexdigest()
         self.all: dict[str, Any] = json.loads(LOG.read_text()) if LOG.is_file() else {}
         self.tried: dict[str, str] = self.all.setdefault(self.digest, {})
 
@@ -200,11 +245,22 @@ def with_extra(wheel: Path, extra: str, fresh: Fresh) -> str:
     return "works"
 
 
+def with_own_task(wheel: Path, own: Path, fresh: Fresh) -> str:
+    """The wheel, and beside it the one of a crate of one's own."""
+    fresh.install(str(wheel))
+    fresh.install(str(own))
+    fresh.run("python", "-c", OWN)
+    fresh.run("python", "-m", "own_task", "list", "PendulumLevel")
+    fresh.run("python", "-m", "own_task", "evaluate", "random", "--env", OWN_ID, "--seeds", "2")
+    return f"works; {own.stat().st_size / 1e6:.2f} MB"
+
+
 def page(wheel: Path, tried: dict[str, str]) -> str:
     """The record."""
     date = datetime.datetime.now(datetime.timezone.utc)
     where = f"{platform.system()} {platform.machine()}, Python {platform.python_version()}"
-    names = ["wheel alone", *(f"wheel with `{extra}`" for extra in WITH_EXTRA), "source archive"]
+    names = ["wheel alone", *(f"wheel with `{extra}`" for extra in WITH_EXTRA)]
+    names += ["wheel with that of `examples/own-task`", "source archive"]
     rows = "\n".join(f"| {name} | {tried.get(name, 'not tried yet')} |" for name in names)
     return f"""# Packages in fresh environments
 
@@ -221,8 +277,10 @@ names, and its commands were tried. The wheel is `{wheel.name}`,
 
 "Works" means that a controller plays in this environment, and that the commands of the extra do
 their work: `train` trains, `render` draws, `remote` steps rods on a server, `lab` fits a rod
-to a film that the simulation made (*synthetic*), `train,export` writes an ONNX file. A command
-that lacks an extra names it and ends within three seconds of CPU time.
+to a film that the simulation made (*synthetic*), `train,export` writes an ONNX file and `export`
+plays one, `ray` plays a study on a cluster that it starts, `rllib` trains PPO of RLlib for an
+iteration, and the task of `examples/own-task` plays beside rodgym's own. A command that lacks an
+extra names it and ends within three seconds of CPU time.
 """
 
 
@@ -231,6 +289,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--extras", nargs="*", default=list(WITH_EXTRA), metavar="EXTRA")
     parser.add_argument("--no-sdist", action="store_true")
+    parser.add_argument("--no-own", action="store_true")
     parser.add_argument("--wheel", type=Path, help="try this one instead of building one")
     parser.add_argument("--sdist", type=Path, help="the same of the source archive")
     args = parser.parse_args()
@@ -239,12 +298,21 @@ def main() -> None:
     print(f"{wheel.name}: {size / 1e6:.2f} MB")
     if size > LARGEST:
         sys.exit(f"that is more than {LARGEST / 1e6:g} MB")
+    ONNX.parent.mkdir(parents=True, exist_ok=True)
+    words = ["-m", "rodgym", "export", "zoo", "--env", "PendulumSwingUp", "--out", str(ONNX)]
+    subprocess.run([sys.executable, *words], check=True)
     log = Log(wheel)
     tried = log.tried
     try:
         log.once("wheel alone", lambda fresh: wheel_alone(wheel, fresh))
         for extra in args.extras:
             log.once(f"wheel with `{extra}`", lambda fresh, e=extra: with_extra(wheel, e, fresh))
+        if not args.no_own:
+            own = build("build", "--release", "--manifest-path", str(OWN_CRATE), out=DIST / "own")
+            both = Log(wheel, own)
+            name = "wheel with that of `examples/own-task`"
+            both.once(name, lambda fresh: with_own_task(wheel, own, fresh))
+            tried = {**tried, **both.tried}
         if not args.no_sdist:
             archive = args.sdist.resolve() if args.sdist else build("sdist")
             built = Log(archive)

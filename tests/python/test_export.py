@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import gymnasium as gym
@@ -95,6 +97,17 @@ def test_the_policies_that_ship_can_be_exported(env_id: str, tmp_path: Path) -> 
     env = gym.make(env_id)
     assert env.observation_space.shape is not None
     play(tmp_path / "zoo.onnx", load_policy("zoo", env), env.observation_space.shape[0])
+
+
+def test_an_exported_policy_plays_without_what_trained_it(tmp_path: Path) -> None:
+    """Only the extra `export` is there: in another process, which cannot import PyTorch."""
+    export("zoo", tmp_path / "zoo.onnx", ENV)
+    absent = "import sys; sys.modules |= {'torch': None, 'stable_baselines3': None}"
+    words = ["evaluate", str(tmp_path / "zoo.onnx"), "--seeds", "2", "--runs", str(tmp_path)]
+    code = f"{absent}; from rodgym.cli import main; sys.exit(main({words!r}))"
+    ran = subprocess.run([sys.executable, "-c", code], text=True, capture_output=True)
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    assert "mean of 2 episodes" in ran.stdout, ran.stdout
 
 
 def test_a_policy_with_more_before_it_than_frames_is_refused(tmp_path: Path) -> None:

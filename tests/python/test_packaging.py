@@ -1,11 +1,15 @@
 """Promise: what strangers build from agrees with itself: workflows, container file, conda recipe.
 
-None of them can run here; this is what can be seen without running them.
+None of them can run here; this is what can be seen without running them. A linter reads the
+workflows, and mistakes that are put into a copy show that it would see them.
 """
 
 from __future__ import annotations
 
 import re
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -18,6 +22,43 @@ WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 
 
+def linted(folder: Path) -> subprocess.CompletedProcess[str]:
+    """What `make lint` says of the workflows of a folder."""
+    programs = Path(sys.executable).parent
+    if not (programs / "jactionlint").exists():
+        pytest.skip("needs jactionlint (extra dev)")
+    words = ["--strict-exit", "--no-color", f"--shellcheck={programs / 'shellcheck'}"]
+    return subprocess.run(
+        [programs / "jactionlint", *words], cwd=folder, text=True, capture_output=True
+    )
+
+
+def test_the_linter_of_workflows_has_nothing_to_say():
+    said = linted(ROOT)
+    assert said.returncode == 0, said.stdout + said.stderr
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong"),
+    [
+        ("needs: [linux, macos, windows, sdist]", "needs: [linux, macos, windows, wheel]"),
+        ("${{ matrix.target }}", "${{ matrix.tarket }}"),
+        ("runs-on: windows-latest", "runs_on: windows-latest"),
+        ("fresh/bin/pip install dist/*.tar.gz", "if [ -e dist ] fi"),
+        ("evaluate lqr --seeds 5", "evaluate ${{ github.event.head_commit.message }}"),
+    ],
+)
+def test_the_linter_of_workflows_sees_a_mistake(tmp_path, right, wrong):
+    shutil.copytree(ROOT / ".github", tmp_path / ".github")
+    (tmp_path / ".git").mkdir()
+    path = tmp_path / ".github" / "workflows" / "wheels.yml"
+    text = path.read_text(encoding="utf-8")
+    assert right in text
+    path.write_text(text.replace(right, wrong), encoding="utf-8")
+    said = linted(tmp_path)
+    assert said.returncode == 1 and "wheels.yml" in said.stdout, said.stdout + said.stderr
+
+
 @pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.name)
 def test_a_workflow_names_jobs_scripts_and_versions_that_are_there(path):
     workflow = yaml.safe_load(path.read_text(encoding="utf-8"))
@@ -26,7 +67,7 @@ def test_a_workflow_names_jobs_scripts_and_versions_that_are_there(path):
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     for name, job in jobs.items():
         assert {*job.get("needs", [])} <= set(jobs), name
-        assert job.get("timeout-minutes") or name == "release", f"{name} may run for ever"
+        assert job.get("timeout-minutes"), f"{name} may run for ever"
         for step in job["steps"]:
             assert ("uses" in step) != ("run" in step), step
             if "uses" in step:
@@ -77,6 +118,28 @@ def test_the_container_builds_and_starts_a_program_that_takes_its_options():
     for option in re.findall(r'"(--[a-z-]+)"', given["CMD"]):
         assert re.search(rf"^ +{option}\b", usage, re.MULTILINE), option
     assert f":{given['EXPOSE']}" in given["CMD"]
+
+
+def test_the_crates_that_others_use_can_be_published():
+    """All that `cargo publish --dry-run` sees without compiling; `make crates` compiles too."""
+    if shutil.which("cargo") is None:
+        pytest.skip("needs cargo")
+    words = ["package", "--offline", "--no-verify", "--allow-dirty"]
+    crates = ["--package", "rodgym-core", "--package", "rodgym-baselines"]
+    ran = subprocess.run(["cargo", *words, *crates], cwd=ROOT, text=True, capture_output=True)
+    assert ran.returncode == 0, ran.stderr
+
+
+def test_the_library_of_the_bindings_is_their_extension_s_twin():
+    extension, library = (
+        tomllib.loads((ROOT / "py-bindings" / name).read_text(encoding="utf-8"))
+        for name in ("Cargo.toml", "library/Cargo.toml")
+    )
+    for part in ("dependencies", "features"):
+        assert extension[part] == library[part], part
+    assert (ROOT / "py-bindings" / "library" / library["lib"]["path"]).resolve() == (
+        ROOT / "py-bindings" / "src" / "lib.rs"
+    )
 
 
 def test_the_conda_recipe_asks_for_what_the_package_needs():

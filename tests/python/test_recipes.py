@@ -221,3 +221,15 @@ def test_noise_is_made_from_its_type_and_deviation() -> None:
         action_noise(recipe.with_changes({"noise_type": "pink"}), space)
     with pytest.raises(RecipeError, match="noise_std = None"):
         action_noise(Recipe("TD3").with_changes({"noise_type": "normal"}), space)
+
+
+def test_an_environment_of_a_server_has_the_recipe_of_the_one_that_it_plays(capsys):
+    from rodgym.cli.app import build_parser
+    from rodgym.cli.commands.train import recipe_of
+    from rodgym.training import load_recipe
+
+    words = ["train", "--env", "rodgym/Remote-v0", "--env-arg", "server=tcp://127.0.0.1:5555"]
+    for env_id in ("rodgym/PendulumSwingUp-v0", "rodgym/FinThrust-v0"):
+        args = build_parser().parse_args([*words, "--env-arg", f"env_id={env_id}"])
+        assert recipe_of(args) == load_recipe(env_id)
+        assert capsys.readouterr().err == ""

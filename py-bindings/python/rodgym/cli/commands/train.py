@@ -12,6 +12,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rodgym._registration import REMOTE
 from rodgym.cli.arguments import (
     UsageError,
     add_env,
@@ -186,13 +187,19 @@ def train_all(args: argparse.Namespace, folder: Run, **kept: Any) -> list[Traini
 
 
 def recipe_of(args: argparse.Namespace) -> Recipe:
-    """The recipe that the arguments ask for; says so where none was made for the environment."""
+    """The recipe that the arguments ask for; says so where none was made for the environment.
+
+    An environment of a server has the recipe of the one that the server plays.
+    """
     from rodgym import training
 
-    recipe = training.load_recipe(args.env, args.algorithm or ALGORITHM, args.recipe)
-    if args.recipe is None and not training.has_recipe(args.env, recipe.algorithm):
+    env_id = args.env
+    if env_id == REMOTE:
+        env_id = str(env_keywords(env_id, args.env_arg).get("env_id", env_id))
+    recipe = training.load_recipe(env_id, args.algorithm or ALGORITHM, args.recipe)
+    if args.recipe is None and not training.has_recipe(env_id, recipe.algorithm):
         print(
-            f"no recipe for {recipe.algorithm} in {args.env}: the defaults of Stable-Baselines3 "
+            f"no recipe for {recipe.algorithm} in {env_id}: the defaults of Stable-Baselines3 "
             f"and {recipe.n_envs} environments (--set and --recipe change them)",
             file=sys.stderr,
         )
