@@ -56,6 +56,8 @@ FLOORS = (1e-8, 1e-7, 1e-8)
 #: Multiples of the start's E from which a fit is tried.
 TRIALS = (1.0, 1 / 8, 8.0)
 STIFFNESS = "youngs_modulus"
+#: What each node has a share of.
+SHARED = "damping"
 #: Trials see so much of each recording [s], and go so many rounds.
 GLANCE, ROUNDS = 1.5, 8
 #: Into how many every edge is cut, from level to level.
@@ -156,7 +158,7 @@ class FinSearch:
         count = len(model.free)
         logs = best.x[:count]
         if not discrete:
-            logs = extrapolated(*(estimate.x[:count] for _, estimate in levels[-2:]))
+            logs = extrapolated(model.free, *(estimate.x[:count] for _, estimate in levels[-2:]))
         covariance = best.covariance[:count, :count]
         deviations = np.sqrt(np.diag(covariance))
         gaps = self.gaps(model, best.x)
@@ -217,7 +219,7 @@ class FinSearch:
         before, found = levels[-1]
         model, x = replace(before, parts=parts), found.x
         if len(levels) > 1:
-            # (The error falls as the edges' length: what it is from level to level tells the next.)
+            # (What the error is from level to level tells the next.)
             older, _ = levels[-2]
             change = (1 / before.parts - 1 / parts) / (1 / older.parts - 1 / before.parts)
             x = x + change * (found.x - levels[-2][1].x)
@@ -363,10 +365,14 @@ class FinSearch:
         return notes
 
 
-def extrapolated(coarse: Array, fine: Array) -> Array:
-    """Logarithms of parameters of infinitely many nodes: the error falls as the edges' length."""
-    ratio = PARTS[-1] / PARTS[-2]
-    return fine + (fine - coarse) / (ratio - 1)
+def extrapolated(free: Sequence[str], coarse: Array, fine: Array) -> Array:
+    """Logarithms of parameters of infinitely many nodes.
+
+    The error falls with the square of the edges' length. That of the damping falls with the length
+    itself: the tail's node has the share of a whole edge, where half of one ends in it.
+    """
+    orders = np.array([1.0 if name == SHARED else 2.0 for name in free])
+    return fine + (fine - coarse) / ((PARTS[-1] / PARTS[-2]) ** orders - 1)
 
 
 def likeness(gaps: Sequence[Array]) -> float:
