@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from rodgym import _native
 from rodgym._checks import number, refused, whole
 from rodgym.lab import trust
+from rodgym.lab.alike import widening
 from rodgym.lab.errors import FramesError, MisfitError
 from rodgym.lab.film import Torque
 from rodgym.lab.gauss_newton import Estimate
@@ -150,7 +152,11 @@ def searched(search: Search, discrete: int | None, nodes: int, known: Mapping[st
         logs = levels[0][1].x[: len(search.free)]
     film, best = levels[-1]
     misfit = float(best.sigma / noise)
-    holdout = trust.holdout(search, *levels[0])
+    gaps = np.full(search.tracks.points.shape, np.nan)
+    gaps[np.isfinite(search.tracks.points)] = best.residuals
+    wider = widening([gaps])
+    best = replace(best, covariance=wider * best.covariance)
+    holdout = trust.holdout(search, *levels[0], wider)
     if misfit > WRONG or (misfit > HALF_WRONG and not holdout.passed):
         raise MisfitError(
             f"no {' and '.join(search.free)} makes the rod move like the film: the whole is off "
@@ -175,6 +181,11 @@ def searched(search: Search, discrete: int | None, nodes: int, known: Mapping[st
     if misfit > DOUBTFUL:
         notes.append(
             f"the model does not follow the film well: {misfit:.2f} times the noise remains"
+        )
+    if wider > 1:
+        notes.append(
+            "residuals of neighbouring frames or markers are alike (lens, or model): intervals are "
+            f"{np.sqrt(wider):.1f} times as wide for it"
         )
     if outliers := int((~best.kept).sum()):
         notes.append(f"{outliers} of {len(best.kept)} coordinates were outliers")
