@@ -1,5 +1,4 @@
-"""Promise: residuals that are alike widen intervals by what they take from the film; noise does not.
-"""
+"""Promise: residuals that are alike widen intervals. Noise does not."""
 
 from __future__ import annotations
 

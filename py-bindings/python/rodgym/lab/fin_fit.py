@@ -18,11 +18,13 @@ from rodgym._checks import number, refused
 from rodgym.lab import fin_checks
 from rodgym.lab.alike import likeness, widening
 from rodgym.lab.errors import MisfitError
+from rodgym.lab.film import SHARED
 from rodgym.lab.fin_in_air import Experiment, cost_of
 from rodgym.lab.fin_model import CAMERA, GAIN, FinModel, Recording
 from rodgym.lab.fin_result import FinFit
 from rodgym.lab.gauss_newton import Estimate, Kinds, solve
 from rodgym.lab.result import Holdout, Interval, Level
+from rodgym.lab.servo import fit_servo
 from rodgym.lab.tracks import Array
 from rodgym.lab.trust import (
     ADVICE,
@@ -57,8 +59,6 @@ FLOORS = (1e-8, 1e-7, 1e-8)
 #: Multiples of the start's E from which a fit is tried.
 TRIALS = (1.0, 1 / 8, 8.0)
 STIFFNESS = "youngs_modulus"
-#: What each node has a share of.
-SHARED = "damping"
 #: Trials see so much of each recording [s], and go so many rounds.
 GLANCE, ROUNDS = 1.5, 8
 #: Into how many every edge is cut, from level to level.
@@ -128,7 +128,8 @@ def fit_fin(
     along = np.linspace(0.0, 1.0, markers) if places is None else np.asarray(places, np.float64)
     ready, notes = fin_checks.checked(ready, along, given, settle)
     search = FinSearch(FinModel(ready, names, given, scale, along, settle=settle), values)
-    return search.run(nodes is not None, dict(known or {}), notes)
+    servo = fit_servo(ready) if any(one.command is not None for one in ready) else {}
+    return replace(search.run(nodes is not None, dict(known or {}), notes), servo=servo)
 
 
 class FinSearch:

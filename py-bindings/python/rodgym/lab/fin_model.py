@@ -48,6 +48,7 @@ class Recording:
     pitch: of the drive at those times [rad]
     loads: what cells measured at those times, by name: `thrust` [N], `torque` [N m]
     clock: how well the film's clock is known against the bench's, a deviation [s]
+    command: what the servo was told at the bench's times [rad], where that was recorded
     """
 
     tracks: Tracks
@@ -55,6 +56,7 @@ class Recording:
     pitch: Array
     loads: Mapping[str, Array] = field(default_factory=dict)
     clock: float = 0.02
+    command: Array | None = None
 
 
 def refined(keywords: Mapping[str, Any], parts: int) -> dict[str, Any]:

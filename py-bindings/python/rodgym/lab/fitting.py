@@ -57,7 +57,8 @@ def fit(
         itself is one of so many nodes
     start: where the fit starts
     places: of the markers along the rod [m]; left out: evenly from base to tip
-    nodes: of the environment that the equivalent parameters are for
+    nodes: of the environment that the equivalent parameters are for; the damping is that of each of
+        these, also of a continuous rod
     torque: on the base; left out: the base turns freely. Its clock is corrected by some hundredths
         of a second
 
@@ -96,7 +97,8 @@ def fit(
     if torque is not None:
         driven(torque, tracks)
     start_values = [values[name] for name in free]
-    search = Search(tracks, along, fixed, free, start_values, rows, torque)
+    shared = nodes if discrete is None else None
+    search = Search(tracks, along, fixed, free, start_values, rows, torque, shared)
     return searched(search, None if discrete is None else int(discrete), nodes, given)
 
 
@@ -147,7 +149,7 @@ def searched(search: Search, discrete: int | None, nodes: int, known: Mapping[st
     levels, rough, noise = search.whole(int(coarse or 0), int(nodes_of_whole[0] or 0), smooth)
     if smooth:
         levels = search.refined(levels)
-        logs = extrapolated(*(level.x[: len(search.free)] for _, level in levels[-2:]))
+        logs = extrapolated(search.free, *(level.x[: len(search.free)] for _, level in levels[-2:]))
     else:
         logs = levels[0][1].x[: len(search.free)]
     film, best = levels[-1]
