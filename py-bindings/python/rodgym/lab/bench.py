@@ -81,7 +81,7 @@ class Bench:
     def keywords(self) -> dict[str, float]:
         """Every parameter of the hidden rod."""
         own = {**ROD, **{name: value for name, value in self.rod.items() if name != "nodes"}}
-        if "nodes" not in self.rod:
+        if self.rod.get("nodes") is None:
             # (As they swing: the tip's node has the share of a whole edge, which counts as 1.5.)
             own[SHARED] *= (SHARING - 1) / (NODES - 1 + 1.5)
         return own
