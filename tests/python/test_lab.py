@@ -86,6 +86,21 @@ def test_what_positions_alone_do_not_tell_is_named(seven):
     assert list(fit.as_dict()["parameters"]) == ["bending_damping"]
 
 
+def test_what_is_known_before_makes_the_rest_known_as_well(seven):
+    free = ["youngs_modulus", "density", "bending_damping"]
+    known = {"width": 0.007, "length": 0.3, "nodes": 7}
+    fit = lab.fit(seven, free, known, priors={"density": (1530.0, 0.02)})
+    assert fit.not_identifiable == {}
+    # Positions tell the ratio: it is right, and E as good as the density is.
+    for name, truth in (("density", 1500.0), ("youngs_modulus", 8.3e6)):
+        best, low, high = fit.parameters[name]
+        assert abs(best / truth - 1.02) < 0.003
+        assert 1.07 < high / low < 1.10 and low < truth < high
+    for wrong in ({"gravity": (9.8, 0.1)}, {"density": (1500.0, 0.0)}, {"density": 1500.0}):
+        with pytest.raises(ParameterError, match="prior"):
+            lab.fit(seven, free, known, priors=wrong)
+
+
 def test_a_rod_that_hangs_still_tells_nothing():
     (film,) = record([replace(SEVEN, angle=0.0, bend=0.0, seconds=1.5)], [3])
     fit = lab.fit(film, known={"nodes": 7})

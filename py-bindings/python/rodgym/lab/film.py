@@ -7,7 +7,7 @@ does not grow over the whole film (multiple shooting); one piece is the whole fi
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -46,6 +46,8 @@ class Rod:
     steps: int
     #: Nodes that the damping is given for, each with so much; other numbers of nodes share it.
     shared: int | None = None
+    #: Deviations of logarithms of free parameters that something is known of before.
+    doubts: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def length(self) -> float:
@@ -135,7 +137,7 @@ class Film:
         mean[: self.shared] = x[: self.shared]
         mean[camera.start : camera.start + 2] = 0.0
         start = np.concatenate([shapes.ANGLES, shapes.RATES])
-        free = np.full(len(self.rod.free), UNKNOWN)
+        free = np.array([self.rod.doubts.get(name, UNKNOWN) for name in self.rod.free])
         bench = (*CAMERA_DEVIATION, CLOCK_DEVIATION)[: len(self.bench)]
         mean[camera.start + len(CAMERA) : self.shared] = 0.0
         deviation = np.concatenate([free, bench, np.tile(start, len(self.firsts))])

@@ -23,6 +23,7 @@ from rodgym.lab.fin_in_air import Experiment, cost_of
 from rodgym.lab.fin_model import CAMERA, GAIN, FinModel, Recording
 from rodgym.lab.fin_result import FinFit
 from rodgym.lab.gauss_newton import Estimate, Kinds, solve
+from rodgym.lab.priors import Priors, with_priors
 from rodgym.lab.result import Holdout, Interval, Level
 from rodgym.lab.servo import fit_servo
 from rodgym.lab.tracks import Array
@@ -85,6 +86,7 @@ def fit_fin(
     scale: float = SCALE,
     places: Sequence[float] | None = None,
     settle: float = 0.0,
+    priors: Priors | None = None,
 ) -> FinFit:
     """Fits a fin that its drive pitches, in water or in air.
 
@@ -99,6 +101,8 @@ def fit_fin(
     places: of the markers as shares of the length, nose 0; left out: evenly from nose to tail
     settle: time from the start of each recording that is not fitted [s], where it does not begin at
         rest
+    priors: what is known before of free parameters, (value, deviation as a share); a fit starts
+        there
 
     Raises
     ------
@@ -117,7 +121,8 @@ def fit_fin(
     names = tuple(dict.fromkeys(free if free is not None else IN_AIR if air else IN_WATER))
     if not names or not set(names) <= set(START) or set(names) & set(given):
         raise refused("free", free, f"some of {', '.join(START)}, not in known, too")
-    values = {**START, **(start or {})}
+    start, doubts = with_priors(start, priors, names)
+    values = {**START, **start}
     for name in names:
         if not number(name, values[name], "SI units") > 0:
             raise refused("start", {name: values[name]}, "above 0")
@@ -127,7 +132,9 @@ def fit_fin(
     markers = fin_checks.markers(ready)
     along = np.linspace(0.0, 1.0, markers) if places is None else np.asarray(places, np.float64)
     ready, notes = fin_checks.checked(ready, along, given, settle)
-    search = FinSearch(FinModel(ready, names, given, scale, along, settle=settle), values)
+    search = FinSearch(
+        FinModel(ready, names, given, scale, along, settle=settle, doubts=doubts), values
+    )
     servo = fit_servo(ready) if any(one.command is not None for one in ready) else {}
     return replace(search.run(nodes is not None, dict(known or {}), notes), servo=servo)
 

@@ -165,6 +165,7 @@ class FinModel:
     parts: into how many every edge is cut
     settle: what is not fitted, from the start of each recording [s]
     share: of each recording that is fitted, from its start
+    doubts: deviations of logarithms of free parameters that something is known of before
     """
 
     recordings: Sequence[Recording]
@@ -175,6 +176,7 @@ class FinModel:
     parts: int = 1
     settle: float = 0.0
     share: float = 1.0
+    doubts: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def loads(self) -> tuple[str, ...]:
@@ -219,7 +221,7 @@ class FinModel:
         return Prior(
             x.copy(),
             np.array(
-                [UNKNOWN] * self.camera
+                [self.doubts.get(name, UNKNOWN) for name in self.free]
                 + [self.scale, TILT, PLACE, PLACE, CLAMP]
                 + clocks
                 + [GAIN, BIAS] * len(self.loads)

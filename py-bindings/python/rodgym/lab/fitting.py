@@ -14,6 +14,7 @@ from rodgym.lab.alike import widening
 from rodgym.lab.errors import FramesError, MisfitError
 from rodgym.lab.film import Torque
 from rodgym.lab.gauss_newton import Estimate
+from rodgym.lab.priors import Priors, with_priors
 from rodgym.lab.result import Fit, Interval, Level
 from rodgym.lab.sanity import checked
 from rodgym.lab.search import COARSE, FINE, NODES, ROUGH, Search, extrapolated
@@ -47,6 +48,7 @@ def fit(
     places: Sequence[float] | None = None,
     nodes: int = 7,
     torque: Torque | None = None,
+    priors: Priors | None = None,
 ) -> Fit:
     """Fits a pendulum that swings freely, or that a known torque drives.
 
@@ -59,6 +61,8 @@ def fit(
     places: of the markers along the rod [m]; left out: evenly from base to tip
     nodes: of the environment that the equivalent parameters are for; the damping is that of each of
         these, also of a continuous rod
+    priors: what is known before of free parameters, (value, deviation as a share): `{"density":
+        (1500.0, 0.02)}` is 2 %; a fit starts there
     torque: on the base; left out: the base turns freely. Its clock is corrected by some hundredths
         of a second
 
@@ -68,6 +72,7 @@ def fit(
     RecordingError: the recording is refused, by name
     """
     rows, given = table(), dict(known or {})
+    start, doubts = with_priors(start, priors, free)
     discrete = given.pop("nodes", None)
     for what, count in (("nodes", nodes), ("known nodes", discrete)):
         if count is not None:
@@ -98,7 +103,7 @@ def fit(
         driven(torque, tracks)
     start_values = [values[name] for name in free]
     shared = nodes if discrete is None else None
-    search = Search(tracks, along, fixed, free, start_values, rows, torque, shared)
+    search = Search(tracks, along, fixed, free, start_values, rows, torque, shared, doubts)
     return searched(search, None if discrete is None else int(discrete), nodes, given)
 
 

@@ -49,9 +49,11 @@ class Search:
         rows: Mapping[str, Mapping[str, float]],
         torque: Torque | None = None,
         shared: int | None = None,
+        doubts: Mapping[str, float] | None = None,
     ) -> None:
         self.tracks, self.places, self.fixed, self.free = tracks, places, fixed, free
         self.values, self.torque, self.shared = values, torque, shared
+        self.doubts = dict(doubts or {})
         # (Within the range, so that differences are, too.)
         self.limits = {
             name: (
@@ -64,7 +66,7 @@ class Search:
 
     def film(self, nodes: int, smooth: bool, steps: int, firsts: Sequence[int] = (0,)) -> Film:
         """A model of so many nodes."""
-        rod = Rod(nodes, smooth, self.fixed, self.free, steps, self.shared)
+        rod = Rod(nodes, smooth, self.fixed, self.free, steps, self.shared, self.doubts)
         return Film(self.tracks, self.places, rod, tuple(firsts), self.torque)
 
     def whole(

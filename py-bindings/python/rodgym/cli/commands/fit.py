@@ -87,6 +87,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             help=f"{text}; may be repeated",
         )
     parser.add_argument(
+        "--prior",
+        type=prior,
+        action="append",
+        default=[],
+        metavar="NAME=VALUE:SHARE",
+        help="what is known before of a free parameter, such as density=1500:0.02 for 2 %% of "
+        "deviation; may be repeated",
+    )
+    parser.add_argument(
         "--nodes",
         type=int,
         default=7,
@@ -142,6 +151,16 @@ def value(text: str) -> tuple[str, Any]:
     if isinstance(number, bool) or not isinstance(number, int | float):
         raise argparse.ArgumentTypeError(f"{text!r}: {name} must be a number")
     return name, number
+
+
+def prior(text: str) -> tuple[str, tuple[float, float]]:
+    """``density=1500:0.02``."""
+    name, _, rest = text.partition("=")
+    best, _, share = rest.partition(":")
+    try:
+        return name, (float(best), float(share))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not NAME=VALUE:SHARE") from None
 
 
 def numbers(text: str) -> list[float]:
@@ -220,6 +239,7 @@ def pendulum(args: argparse.Namespace, films: list[Any]) -> Any:
         start=dict(args.start),
         places=args.places,
         nodes=args.nodes,
+        priors=dict(args.prior),
         **driven,
     )
 
@@ -244,6 +264,7 @@ def fin(args: argparse.Namespace, films: list[Any]) -> Any:
         scale=args.camera_scale,
         places=args.places,
         settle=args.settle,
+        priors=dict(args.prior),
     )
 
 
