@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import lab_film
 import lab_fins
 import numpy as np
 from rodgym import lab
@@ -153,7 +154,9 @@ def section(name: str, lines: list[dict[str, str]]) -> list[str]:
     return [*text, ""]
 
 
-def write_page(lines: list[dict[str, str]], fins: list[dict[str, str]]) -> None:
+def write_page(
+    lines: list[dict[str, str]], fins: list[dict[str, str]], films: list[dict[str, str]]
+) -> None:
     """Writes the page."""
     date = datetime.datetime.now(datetime.timezone.utc).strftime("%Y-%m-%d %H:%M UTC")
     text = [
@@ -170,30 +173,37 @@ def write_page(lines: list[dict[str, str]], fins: list[dict[str, str]]) -> None:
     for name in lab_fins.CASES:
         mine = [line for line in fins if line["case"] == name]
         text += lab_fins.section(name, mine) if mine else []
+    for name in lab_film.CASES:
+        mine = [line for line in films if line["case"] == name]
+        text += lab_film.section(name, mine) if mine else []
     PAGE.write_text("\n".join(text), encoding="utf-8")
 
 
 def main() -> None:
     """Makes the films that are missing, then the page."""
     parser = argparse.ArgumentParser(description=__doc__)
-    every = {**CASES, **lab_fins.CASES}
+    every = {**CASES, **lab_fins.CASES, **lab_film.CASES}
     parser.add_argument("--cases", nargs="+", choices=every, default=list(every))
     parser.add_argument("--films", type=int, default=10**9, help="at most so many of each case")
     parser.add_argument("--runs", type=Path, default=ROOT / "runs")
     args = parser.parse_args()
     folder = args.runs / "lab"
     folder.mkdir(parents=True, exist_ok=True)
-    films, fins = folder / "films.csv", folder / "fins.csv"
-    there = {(line["case"], int(line["seed"])) for path in (films, fins) for line in read(path)}
+    tables = [folder / f"{name}.csv" for name in ("films", "fins", "policies")]
+    films, fins, policies = tables
+    there = {(line["case"], int(line["seed"])) for path in tables for line in read(path)}
     for name in args.cases:
         for seed in range(FIRST, FIRST + min(args.films, every[name].films)):
             if (name, seed) in there:
                 continue
             if name in CASES:
                 write(films, FIELDS, [fitted(name, seed)])
-            else:
+            elif name in lab_fins.CASES:
                 write(fins, lab_fins.FIELDS, lab_fins.fitted(name, seed))
-    write_page(read(films), read(fins))
+            else:
+                lines = lab_film.fitted(name, seed, FIRST, args.runs)
+                write(policies, lab_film.FIELDS, lines)
+    write_page(*(read(path) for path in tables))
 
 
 def write(path: Path, fields: Sequence[str], lines: Sequence[dict[str, object]]) -> None:

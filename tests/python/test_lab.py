@@ -93,6 +93,24 @@ def test_a_rod_that_hangs_still_tells_nothing():
     assert fit.as_dict()["parameters"] == {}
 
 
+def test_damping_is_that_of_each_node_of_the_environment_however_many_the_model_has():
+    rod = {**BENCH.rod, "damping": 5e-4}
+    (damped,) = record([Bench(rod=rod)], [3])
+    known = {"width": 0.007, "length": 0.3}
+    fit = lab.fit(
+        damped, free=["youngs_modulus", "damping"], known={**known, "bending_damping": 6.1e-4}
+    )
+    assert off(fit, "damping", 5e-4) < 0.01 and off(fit, "youngs_modulus", 8.3e6) < 0.005
+    # More and more nodes, which share it, come to an end; the twin has its own.
+    coarse, fine = (level.parameters["damping"] for level in fit.levels[-2:])
+    assert abs(fine / coarse - 1) < 0.03
+    assert fit.as_dict()["equivalent"]["parameters"]["damping"] == fit.twin.parameters["damping"]
+    # Known, it leaves the others alone.
+    given = lab.fit(damped, known={**known, "damping": 5e-4})
+    assert off(given, "youngs_modulus", 8.3e6) < 0.005
+    assert off(given, "bending_damping", 6.1e-4) < 0.1 and given.misfit < 1.2
+
+
 def test_intervals_of_rods_with_seven_nodes_hold():
     """A part of `make lab`. Errors in deviations: of six, the mean square is 1 within 1.2."""
     random = np.random.default_rng(11)

@@ -30,6 +30,7 @@ from rodgym.lab.fin_result import FinFit
 from rodgym.lab.fitting import fit
 from rodgym.lab.readers import read_tracks
 from rodgym.lab.result import Fit, Holdout, Interval
+from rodgym.lab.servo import fit_servo
 from rodgym.lab.tracks import Tracks
 from rodgym.lab.twin import keywords
 
@@ -62,6 +63,7 @@ __all__ = [
     "fit_as_the_thesis",
     "fit_by_simplex",
     "fit_fin",
+    "fit_servo",
     "fluid_force",
     "keywords",
     "read_cells",

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rodgym.lab import shapes
+from rodgym.lab.film import SHARED
 from rodgym.lab.swings import swing
 from rodgym.lab.tracks import Array, Tracks
 
@@ -26,6 +27,8 @@ ROD = {
 }
 #: Nodes of a hidden rod, and physics steps in a frame at 30 Hz.
 NODES, SUBSTEPS = 241, 128
+#: Nodes that the damping of a continuous rod is given for.
+SHARING = 7
 
 
 @dataclass(frozen=True)
@@ -58,7 +61,8 @@ class Bench:
 
     Parameters
     ----------
-    rod: parameters that differ from `ROD`; `nodes` makes it one of so many nodes
+    rod: parameters that differ from `ROD`; `nodes` makes it one of so many nodes. The damping of
+        a continuous rod is that of each of seven nodes
     angle, bend: of the base from hanging, and the turn from base to tip, when it is let go [rad]
     waited: time from then to the first frame [s]
     torque: on the base [N m] as a function of the film's time, 0 before the first frame
@@ -76,7 +80,11 @@ class Bench:
 
     def keywords(self) -> dict[str, float]:
         """Every parameter of the hidden rod."""
-        return {**ROD, **{name: value for name, value in self.rod.items() if name != "nodes"}}
+        own = {**ROD, **{name: value for name, value in self.rod.items() if name != "nodes"}}
+        if self.rod.get("nodes") is None:
+            # (As they swing: the tip's node has the share of a whole edge, which counts as 1.5.)
+            own[SHARED] *= (SHARING - 1) / (NODES - 1 + 1.5)
+        return own
 
 
 def record(benches: Sequence[Bench], seeds: Sequence[int]) -> list[Tracks]:

@@ -14,7 +14,7 @@ from rodgym.lab.tracks import Tracks
 #: Above this frequency a pitch is noise of its sensor [Hz].
 CUTOFF = 20.0
 #: Units of what a bench measures.
-UNITS = {"pitch": "rad", "thrust": "n", "torque": "nm"}
+UNITS = {"pitch": "rad", "command": "rad", "thrust": "n", "torque": "nm"}
 
 
 def recording(tracks: Tracks, bench: Signals, cutoff: float | None = CUTOFF) -> Recording:
@@ -22,7 +22,8 @@ def recording(tracks: Tracks, bench: Signals, cutoff: float | None = CUTOFF) -> 
 
     Parameters
     ----------
-    bench: with `pitch` [rad], and `thrust` [N] and `torque` [N m] where they were measured
+    bench: with `pitch` [rad], and `thrust` [N], `torque` [N m] and the servo's `command` [rad]
+        where they were recorded
     cutoff: of a low-pass of the pitch, forwards and backwards [Hz]; None: the pitch is smooth
 
     Raises
@@ -39,7 +40,8 @@ def recording(tracks: Tracks, bench: Signals, cutoff: float | None = CUTOFF) -> 
             sections = signal.butter(4, cutoff, fs=bench.rate, output="sos")
             pitch = signal.sosfiltfilt(sections, pitch)
     loads = {name: taken(bench, name) for name in LOADS if name in bench.values}
-    return Recording(tracks, bench.times, np.asarray(pitch), loads)
+    command = taken(bench, "command") if "command" in bench.values else None
+    return Recording(tracks, bench.times, np.asarray(pitch), loads, command=command)
 
 
 def torque(bench: Signals) -> Torque:

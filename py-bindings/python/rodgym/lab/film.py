@@ -22,6 +22,8 @@ CAMERA = ("scale", "tilt", "base_x", "base_y")
 CAMERA_DEVIATION = (0.1, 0.3, 0.05, 0.05)
 #: What comes after them where a torque drives the rod: its clock less that of the film [s].
 CLOCK, CLOCK_DEVIATION = "clock", 0.02
+#: What every node has, so that it means another rod where there are more of them.
+SHARED = "damping"
 #: Step of its difference [s], and the longest time for which a torque is held [s].
 CLOCK_STEP, HELD = 1e-4, 2.1e-3
 #: Deviation of the logarithm of a parameter that nothing is known of: a factor of 20.
@@ -42,11 +44,18 @@ class Rod:
     free: tuple[str, ...]
     #: Physics steps in the period of the slowest bending, about.
     steps: int
+    #: Nodes that the damping is given for, each with so much; other numbers of nodes share it.
+    shared: int | None = None
 
     @property
     def length(self) -> float:
         """Length of the rod [m]."""
         return self.known["length"]
+
+    @property
+    def shares(self) -> dict[str, float]:
+        """What a node of this model has of each parameter that nodes share."""
+        return {} if self.shared is None else {SHARED: (self.shared - 1) / (self.nodes - 1)}
 
 
 @dataclass(frozen=True)
@@ -228,9 +237,13 @@ class Film:
         whole = np.floor(after + 1e-6)
         share = np.where(np.abs(after - whole) < 1e-3, 0.0, after - whole)
         needed = np.unique(np.concatenate([whole.ravel(), (whole + (share > 0)).ravel()]))
-        parameters = {name: np.exp(rows[:, i]) for i, name in enumerate(self.rod.free)}
+        shares = self.rod.shares
+        parameters = {
+            name: shares.get(name, 1.0) * np.exp(rows[:, i]) for i, name in enumerate(self.rod.free)
+        }
+        known = {name: shares.get(name, 1.0) * value for name, value in self.rod.known.items()}
         positions, velocities = swing(
-            {**self.rod.known, "nodes": self.rod.nodes, **self._timing(rows[0])},
+            {**known, "nodes": self.rod.nodes, **self._timing(rows[0])},
             parameters,
             coefficients[:, : shapes.SHAPES] @ shape.T,
             coefficients[:, shapes.SHAPES :] @ shape.T,

@@ -16,12 +16,15 @@ import numpy as np
 from rodgym import _native
 from rodgym._checks import number, refused
 from rodgym.lab import fin_checks
+from rodgym.lab.alike import likeness, widening
 from rodgym.lab.errors import MisfitError
+from rodgym.lab.film import SHARED
 from rodgym.lab.fin_in_air import Experiment, cost_of
 from rodgym.lab.fin_model import CAMERA, GAIN, FinModel, Recording
 from rodgym.lab.fin_result import FinFit
 from rodgym.lab.gauss_newton import Estimate, Kinds, solve
 from rodgym.lab.result import Holdout, Interval, Level
+from rodgym.lab.servo import fit_servo
 from rodgym.lab.tracks import Array
 from rodgym.lab.trust import (
     ADVICE,
@@ -125,7 +128,8 @@ def fit_fin(
     along = np.linspace(0.0, 1.0, markers) if places is None else np.asarray(places, np.float64)
     ready, notes = fin_checks.checked(ready, along, given, settle)
     search = FinSearch(FinModel(ready, names, given, scale, along, settle=settle), values)
-    return search.run(nodes is not None, dict(known or {}), notes)
+    servo = fit_servo(ready) if any(one.command is not None for one in ready) else {}
+    return replace(search.run(nodes is not None, dict(known or {}), notes), servo=servo)
 
 
 class FinSearch:
@@ -156,15 +160,17 @@ class FinSearch:
         count = len(model.free)
         logs = best.x[:count]
         if not discrete:
-            logs = extrapolated(*(estimate.x[:count] for _, estimate in levels[-2:]))
+            logs = extrapolated(model.free, *(estimate.x[:count] for _, estimate in levels[-2:]))
+        gaps = self.gaps(model, best.x)
+        parted = {
+            name: [one[name] for one in gaps if name in one] for name in ("film", *model.loads)
+        }
+        alike = {name: likeness(own) for name, own in parted.items()}
+        wider = max(widening(own) for own in parted.values())
+        told = self.doubts(best, alike)
+        best = replace(best, covariance=wider * best.covariance)
         covariance = best.covariance[:count, :count]
         deviations = np.sqrt(np.diag(covariance))
-        gaps = self.gaps(model, best.x)
-        alike = {
-            name: likeness([one[name] for one in gaps if name in one])
-            for name in ("film", *model.loads)
-        }
-        told = self.doubts(best, alike)
         if outliers := int((~best.kept).sum()):
             told.append(f"{outliers} of {len(best.kept)} numbers were outliers")
         return FinFit(
@@ -176,7 +182,7 @@ class FinSearch:
             },
             covariance=covariance,
             known=known,
-            not_identifiable=self.vague(coarse, deviations),
+            not_identifiable=self.vague(levels[:2], deviations),
             camera=camera(model, best),
             cells=cells(model, best),
             levels=[
@@ -186,7 +192,7 @@ class FinSearch:
             errors=[float(np.sqrt(np.nanmean(one["film"] ** 2))) for one in gaps],
             cost=cost_of([one["film"] for one in gaps]),
             alike=alike,
-            holdout=self.holdout(coarse),
+            holdout=self.holdout(coarse, wider),
             notes=[*notes, *told],
         )
 
@@ -217,7 +223,7 @@ class FinSearch:
         before, found = levels[-1]
         model, x = replace(before, parts=parts), found.x
         if len(levels) > 1:
-            # (The error falls as the edges' length: what it is from level to level tells the next.)
+            # (What the error is from level to level tells the next.)
             older, _ = levels[-2]
             change = (1 / before.parts - 1 / parts) / (1 / older.parts - 1 / before.parts)
             x = x + change * (found.x - levels[-2][1].x)
@@ -266,29 +272,34 @@ class FinSearch:
         counts = np.bincount(kinds[np.isfinite(seen)], minlength=len(found.sigmas))
         return float(counts @ np.log(found.sigmas))
 
-    def vague(self, best: Estimate, deviations: Array) -> dict[str, str]:
-        """Parameters that the recordings do not tell, with what would."""
+    def vague(
+        self, levels: Sequence[tuple[FinModel, Estimate]], deviations: Array
+    ) -> dict[str, str]:
+        """Parameters that the recordings do not tell, with what would.
+
+        (Few nodes may follow badly with any E. So a fin does not bend that bends at no level.)
+        """
         names = self.model.free
         found = {
             name: FIN_ADVICE.get(name, "pitch it faster and farther")
             for name, deviation in zip(names, deviations, strict=True)
             if deviation > VAGUE
         }
-        if not self.bends(best):
+        if not any(self.bends(model, best) for model, best in levels):
             hint = "pitch the fin faster, or hang a weight on its tail: it hardly bends"
             found |= {n: hint for n in names if n in (STIFFNESS, "damping", "bending_damping")}
         return found
 
-    def bends(self, best: Estimate) -> bool:
+    def bends(self, model: FinModel, best: Estimate) -> bool:
         """Whether neither twice nor half of E fits as well."""
-        if STIFFNESS not in self.model.free:
+        if STIFFNESS not in model.free:
             return True
-        place = self.model.free.index(STIFFNESS)
-        rest = tuple(name for name in self.model.free if name != STIFFNESS)
+        place = model.free.index(STIFFNESS)
+        rest = tuple(name for name in model.free if name != STIFFNESS)
         costs = []
         for factor in (TWICE, 1 / TWICE):
             value = factor * float(np.exp(best.x[place]))
-            other = replace(self.model, free=rest, known={**self.model.known, STIFFNESS: value})
+            other = replace(model, free=rest, known={**model.known, STIFFNESS: value})
             with contextlib.suppress(MisfitError):
                 x = np.delete(best.x, place)
                 found = self.solved(other, x, rounds=ROUNDS, final=False)
@@ -304,7 +315,7 @@ class FinSearch:
         seen, _ = model.seen()
         return model.parted(model.predict(x, differences=False)[0] - seen)
 
-    def holdout(self, best: Estimate) -> Holdout:
+    def holdout(self, best: Estimate, wider: float) -> Holdout:
         """Fits the first part of each recording and foretells the rest."""
         part = replace(self.model, share=SEEN)
         ends = [one.times[0] + SEEN * float(np.ptp(one.times)) for one in self.model.recordings]
@@ -325,7 +336,7 @@ class FinSearch:
         )
         model, slopes = self.model.predict(found.x)
         before, _ = self.model.predict(guessed, differences=False)
-        expected = foreseen(found, slopes[rest])
+        expected = foreseen(found, slopes[rest], wider)
         return Holdout(frames, found.sigma, off(model), off(before), expected)
 
     def doubts(self, best: Estimate, alike: Mapping[str, float]) -> list[str]:
@@ -350,7 +361,7 @@ class FinSearch:
                 )
             notes.append(
                 f"the model does not follow the {name} but for chance: neighbouring residuals are "
-                f"alike ({alike[name]:.2f}, of noise about 0), so that intervals are too narrow"
+                f"alike ({alike[name]:.2f}, of noise about 0); intervals are wider for it"
             )
         count = self.model.cells
         for i, name in enumerate(self.model.loads):
@@ -363,21 +374,14 @@ class FinSearch:
         return notes
 
 
-def extrapolated(coarse: Array, fine: Array) -> Array:
-    """Logarithms of parameters of infinitely many nodes: the error falls as the edges' length."""
-    ratio = PARTS[-1] / PARTS[-2]
-    return fine + (fine - coarse) / (ratio - 1)
+def extrapolated(free: Sequence[str], coarse: Array, fine: Array) -> Array:
+    """Logarithms of parameters of infinitely many nodes.
 
-
-def likeness(gaps: Sequence[Array]) -> float:
-    """Correlation of residuals with the next ones; outliers count little."""
-    rough = 3 * 1.4826 * float(np.nanmedian(np.abs(np.concatenate([g.ravel() for g in gaps]))))
-    pairs, squares = [], []
-    for gap in gaps:
-        bounded = np.clip(gap, -rough, rough)
-        pairs.append((bounded[1:] * bounded[:-1]).ravel())
-        squares.append(bounded.ravel() ** 2)
-    return float(np.nanmean(np.concatenate(pairs)) / np.nanmean(np.concatenate(squares)))
+    The error falls with the square of the edges' length. That of the damping falls with the length
+    itself: the tail's node has the share of a whole edge, where half of one ends in it.
+    """
+    orders = np.array([1.0 if name == SHARED else 2.0 for name in free])
+    return fine + (fine - coarse) / ((PARTS[-1] / PARTS[-2]) ** orders - 1)
 
 
 def changes(values: Array) -> float:

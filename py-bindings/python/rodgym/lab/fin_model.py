@@ -31,8 +31,8 @@ CAMERA = ("scale", "tilt", "base_x", "base_y")
 TILT, PLACE, CLAMP, GAIN, BIAS, UNKNOWN = 0.1, 0.05, 0.02, 0.02, 0.1, 3.0
 #: Step of the differences: logarithms of parameters, and the clamp's angle [rad].
 STEP = 1e-4
-#: Physics step [s].
-PHYSICS_DT = 1 / 300
+#: Physics step of a fin of its given nodes, and of one with more [s].
+PHYSICS_DT, FINE_DT = 1 / 300, 1 / 600
 #: Factor of the modulus where the clamp holds the fin.
 CLAMPED = 1e3
 
@@ -48,6 +48,7 @@ class Recording:
     pitch: of the drive at those times [rad]
     loads: what cells measured at those times, by name: `thrust` [N], `torque` [N m]
     clock: how well the film's clock is known against the bench's, a deviation [s]
+    command: what the servo was told at the bench's times [rad], where that was recorded
     """
 
     tracks: Tracks
@@ -55,13 +56,15 @@ class Recording:
     pitch: Array
     loads: Mapping[str, Array] = field(default_factory=dict)
     clock: float = 0.02
+    command: Array | None = None
 
 
 def refined(keywords: Mapping[str, Any], parts: int) -> dict[str, Any]:
     """Keywords of the same fin with every edge cut in so many.
 
     Thickness and area are linear between the given nodes. The drive holds the fin from the pivot to
-    the next given node, as it does with few nodes. The damping is that of each given node: more
+    the next given node, as it does with few nodes; there it bends on one side only, over half of a
+    node's share of the length, and so half as much. The damping is that of each given node: more
     nodes share it.
     """
     if parts == 1:
@@ -78,6 +81,7 @@ def refined(keywords: Mapping[str, Any], parts: int) -> dict[str, Any]:
     pivot = shape["pivot"] * parts
     stiffness = fine(profile)
     stiffness[pivot + 1 : pivot + parts] = CLAMPED
+    stiffness[pivot + parts] *= 2.0
     return {
         **keywords,
         "damping": fin.parameters["damping"] / parts,
@@ -314,7 +318,7 @@ class FinModel:
 
     def _drive(self, one: Recording) -> tuple[Array, Array]:
         """Even times over a recording, and the pitch there."""
-        dt = float(self.known.get("physics_dt", PHYSICS_DT))
+        dt = float(self.known.get("physics_dt", PHYSICS_DT if self.parts == 1 else FINE_DT))
         # (Frames and samples after the share that is fitted stand still, and count nothing.)
         duration = self.share * (one.times[-1] - one.times[0])
         times = one.times[0] + dt * np.arange(int(duration / dt + 1e-9) + 2)

@@ -43,6 +43,8 @@ class FinFit:
     alike: Mapping[str, float]
     holdout: Holdout
     notes: list[str] = field(default_factory=list)
+    #: Gain and cut-off [Hz] of the servo, where its commands were recorded.
+    servo: Mapping[str, Interval] = field(default_factory=dict)
 
     @property
     def sigma(self) -> float:
@@ -80,6 +82,7 @@ class FinFit:
         """What `rod.yml` holds."""
         # (An environment swims, also where the fin was measured in air.)
         known = {k: v for k, v in self.known.items() if (k, v) != ("hydrodynamics", "air")}
+        known |= {name: interval.value for name, interval in self.servo.items()}
         return {
             "machine": "fin",
             "parameters": {name: i._asdict() for name, i in self.identified.items()},
@@ -97,6 +100,7 @@ class FinFit:
             },
             "camera": {name: i._asdict() for name, i in self.camera.items()},
             "cells": {name: i._asdict() for name, i in self.cells.items()},
+            "servo": {name: i._asdict() for name, i in self.servo.items()},
             "holdout": self.holdout.as_dict(),
             "residual_mm": 1e3 * self.sigma,
             "residual_loads": self.left,

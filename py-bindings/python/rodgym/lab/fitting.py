@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from rodgym import _native
 from rodgym._checks import number, refused, whole
 from rodgym.lab import trust
+from rodgym.lab.alike import widening
 from rodgym.lab.errors import FramesError, MisfitError
 from rodgym.lab.film import Torque
 from rodgym.lab.gauss_newton import Estimate
@@ -55,7 +57,8 @@ def fit(
         itself is one of so many nodes
     start: where the fit starts
     places: of the markers along the rod [m]; left out: evenly from base to tip
-    nodes: of the environment that the equivalent parameters are for
+    nodes: of the environment that the equivalent parameters are for; the damping is that of each of
+        these, also of a continuous rod
     torque: on the base; left out: the base turns freely. Its clock is corrected by some hundredths
         of a second
 
@@ -94,7 +97,8 @@ def fit(
     if torque is not None:
         driven(torque, tracks)
     start_values = [values[name] for name in free]
-    search = Search(tracks, along, fixed, free, start_values, rows, torque)
+    shared = nodes if discrete is None else None
+    search = Search(tracks, along, fixed, free, start_values, rows, torque, shared)
     return searched(search, None if discrete is None else int(discrete), nodes, given)
 
 
@@ -145,12 +149,16 @@ def searched(search: Search, discrete: int | None, nodes: int, known: Mapping[st
     levels, rough, noise = search.whole(int(coarse or 0), int(nodes_of_whole[0] or 0), smooth)
     if smooth:
         levels = search.refined(levels)
-        logs = extrapolated(*(level.x[: len(search.free)] for _, level in levels[-2:]))
+        logs = extrapolated(search.free, *(level.x[: len(search.free)] for _, level in levels[-2:]))
     else:
         logs = levels[0][1].x[: len(search.free)]
     film, best = levels[-1]
     misfit = float(best.sigma / noise)
-    holdout = trust.holdout(search, *levels[0])
+    gaps = np.full(search.tracks.points.shape, np.nan)
+    gaps[np.isfinite(search.tracks.points)] = best.residuals
+    wider = widening([gaps])
+    best = replace(best, covariance=wider * best.covariance)
+    holdout = trust.holdout(search, *levels[0], wider)
     if misfit > WRONG or (misfit > HALF_WRONG and not holdout.passed):
         raise MisfitError(
             f"no {' and '.join(search.free)} makes the rod move like the film: the whole is off "
@@ -175,6 +183,11 @@ def searched(search: Search, discrete: int | None, nodes: int, known: Mapping[st
     if misfit > DOUBTFUL:
         notes.append(
             f"the model does not follow the film well: {misfit:.2f} times the noise remains"
+        )
+    if wider > 1:
+        notes.append(
+            "residuals of neighbouring frames or markers are alike (lens, or model): intervals are "
+            f"{np.sqrt(wider):.1f} times as wide for it"
         )
     if outliers := int((~best.kept).sum()):
         notes.append(f"{outliers} of {len(best.kept)} coordinates were outliers")

@@ -13,7 +13,7 @@ import numpy as np
 
 from rodgym.lab import shapes
 from rodgym.lab.errors import FramesError, MisfitError
-from rodgym.lab.film import CAMERA, Film, Rod, Torque
+from rodgym.lab.film import CAMERA, SHARED, Film, Rod, Torque
 from rodgym.lab.gauss_newton import Estimate, solve
 from rodgym.lab.tracks import Array, Tracks
 
@@ -48,9 +48,10 @@ class Search:
         values: Sequence[float],
         rows: Mapping[str, Mapping[str, float]],
         torque: Torque | None = None,
+        shared: int | None = None,
     ) -> None:
         self.tracks, self.places, self.fixed, self.free = tracks, places, fixed, free
-        self.values, self.torque = values, torque
+        self.values, self.torque, self.shared = values, torque, shared
         # (Within the range, so that differences are, too.)
         self.limits = {
             name: (
@@ -63,7 +64,7 @@ class Search:
 
     def film(self, nodes: int, smooth: bool, steps: int, firsts: Sequence[int] = (0,)) -> Film:
         """A model of so many nodes."""
-        rod = Rod(nodes, smooth, self.fixed, self.free, steps)
+        rod = Rod(nodes, smooth, self.fixed, self.free, steps, self.shared)
         return Film(self.tracks, self.places, rod, tuple(firsts), self.torque)
 
     def whole(
@@ -194,10 +195,14 @@ class Search:
         return solve(model, x, prior, bounds, film.strides(), self.floor, rounds, final)
 
 
-def extrapolated(coarse: Array, fine: Array) -> Array:
-    """Logarithms of parameters of infinitely many nodes: the error falls with the edges' square."""
-    ratio = ((NODES[-1] - 1) / (NODES[-2] - 1)) ** 2
-    return fine + (fine - coarse) / (ratio - 1)
+def extrapolated(free: Sequence[str], coarse: Array, fine: Array) -> Array:
+    """Logarithms of parameters of infinitely many nodes.
+
+    The error falls with the square of the edges' length. That of what nodes share falls with the
+    length itself: the tip has the share of a whole edge, where half of one ends in it.
+    """
+    orders = np.array([1.0 if name == SHARED else 2.0 for name in free])
+    return fine + (fine - coarse) / (((NODES[-1] - 1) / (NODES[-2] - 1)) ** orders - 1)
 
 
 def cuts(times: Array, seconds: float) -> tuple[int, ...]:

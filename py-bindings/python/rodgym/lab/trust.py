@@ -90,8 +90,10 @@ def together(
     return found
 
 
-def holdout(search: Search, film: Film, whole: Estimate) -> Holdout:
-    """Fits the first part of the film and foretells the rest."""
+def holdout(search: Search, film: Film, whole: Estimate, wider: float) -> Holdout:
+    """Fits the first part of the film and foretells the rest; `wider` is the variance of what is
+    found over that of residuals that are not alike.
+    """
     frames = len(search.tracks.times)
     seen = int(SEEN * frames)
     first = replace(film, tracks=search.tracks.part(0, seen))
@@ -108,13 +110,13 @@ def holdout(search: Search, film: Film, whole: Estimate) -> Holdout:
     guessed[: len(search.free)] = np.log(search.values)
     model, slopes = film.predict(found.x)
     before, _ = film.predict(guessed)
-    expected = foreseen(found, slopes[rest])
+    expected = foreseen(found, slopes[rest], wider)
     return Holdout(frames - seen, found.sigma, off(model), off(before), expected)
 
 
-def foreseen(found: Estimate, slopes: Array) -> float:
+def foreseen(found: Estimate, slopes: Array, wider: float) -> float:
     """Deviation that is to be expected of what was not fitted, from its derivatives (..., n)."""
-    variance = np.einsum("...i,ij,...j->...", slopes, found.covariance, slopes)
+    variance = wider * np.einsum("...i,ij,...j->...", slopes, found.covariance, slopes)
     return float(np.sqrt(found.sigma**2 + np.median(variance)))
 
 

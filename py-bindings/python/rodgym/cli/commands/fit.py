@@ -52,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="what drove it, by the film's clock: CSV with 'time,torque [Nm]' of a pendulum's "
         "base; of a fin, one for each film, 'time,pitch [deg],thrust [N],torque [Nm]', where the "
-        "last two may be left out (example:fin-bench)",
+        "last two may be left out (example:fin-bench); 'command [deg]' tells its servo, too",
     )
     parser.add_argument(
         "--on",
@@ -269,6 +269,8 @@ def tell_fin(found: Any, say: Callable[[str], None]) -> None:
         )
         say(f"the same motion with {found.twin.nodes} nodes: {same or 'not identifiable'}")
     loads = "".join(f", of {name} {left:.3g}" for name, left in found.left.items())
+    for name, (best, low, high) in found.servo.items():
+        say(f"{name} = {best:.5g}   (95 %: {low:.5g} to {high:.5g})")
     say(f"residual {1e3 * found.sigma:.3f} mm{loads}; {found.holdout.words}")
     for note in found.notes:
         say(f"note: {note}")
