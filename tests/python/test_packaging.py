@@ -120,6 +120,16 @@ def test_the_container_builds_and_starts_a_program_that_takes_its_options():
     assert f":{given['EXPOSE']}" in given["CMD"]
 
 
+def test_a_plain_wheel_holds_the_server_and_the_licences_of_what_is_linked():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    assert project["tool"]["maturin"]["features"] == ["server"]
+    held = [p for form in project["project"]["license-files"] for p in ROOT.glob(form)]
+    texts = {path.name: path.read_text() for path in held}
+    assert "Mozilla Public License" in texts["libzmq-MPL-2.0.txt"]
+    assert "Frank Denis" in texts["libsodium-ISC.txt"]
+    assert {"MIT", "Apache"} <= {word for text in texts.values() for word in re.split(r"\W", text)}
+
+
 def test_the_crates_that_others_use_can_be_published():
     """All that `cargo publish --dry-run` sees without compiling; `make crates` compiles too."""
     if shutil.which("cargo") is None:

@@ -119,3 +119,102 @@ def test_snapshots_beyond_the_servers_message_travel_in_parts(server):
         env.step(np.ones((300, 1)))
         env.set_state(states)
         assert env.get_state() == states
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"parameters": None},
+        {"state": None},
+        {},
+        {"x": None},
+        {"parameters": {"width": 0.007}, "x": 1, "angles": [0.0]},
+        {"parameters": [1, 2.5]},
+        {"parameters": "width"},
+        {"state": "x"},
+        {"state": {}},
+        {"state": {"angles": [0.0] * 3, "rates": [0.0] * 3}},
+        {"state": {"angles": None, "rates": None}},
+        {"state": {"angles": "x", "rates": [0] * 6}},
+        {"state": {"angles": 0, "rates": 0}},
+        {"state": {"angles": [True] * 6, "rates": [0] * 6}},
+        {"state": {"angles": ["0.1"] * 6, "rates": [0] * 6}},
+        {"state": {"angles": [0.1] * 6, "rates": [0] * 6}},
+        {"state": {"positions": [[0.0, 0.0], [1.0]], "velocities": []}},
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("batch", [True, False], ids=["batch", "one"])
+def test_options_are_taken_or_refused_as_locally_and_in_the_same_words(server, options, batch):
+    def outcome(env) -> str:
+        try:
+            return env.reset(seed=1, options=options)[0].tobytes().hex()
+        except RodgymError as error:
+            return f"{type(error).__name__}: {error}"
+
+    if batch:
+        local, remote = (
+            gym.make_vec(SWING_UP, 2),
+            rodgym.remote.connect(server.address, SWING_UP, 2),
+        )
+    else:
+        local = gym.make(SWING_UP)
+        remote = gym.make("rodgym/Remote-v0", server=server.address, env_id=SWING_UP)
+    with closing(remote), closing(local):
+        assert outcome(remote) == outcome(local)
+
+
+def test_a_mask_for_one_environment_is_refused_in_the_same_words(server):
+    options = {"reset_mask": [True]}
+    local = gym.make(SWING_UP)
+    with closing(gym.make("rodgym/Remote-v0", server=server.address, env_id=SWING_UP)) as env:
+        refused = words(lambda: env.reset(options=options))
+    assert refused == words(lambda: local.reset(options=options))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda env: env.set_randomize({"width": (2**70, 3)}),
+        lambda env: env.set_randomize({"width": (-(2**63) - 1, 3)}),
+        lambda env: env.set_randomize({1: (0.0, 1.0)}),
+        lambda env: env.set_randomize({"\ud800": (0.0, 1.0)}),
+        lambda env: env.set_parameters(**{"\ud800": 1.0}),
+    ],
+)
+def test_settings_that_no_message_can_say_leave_the_environment_as_it_was(server, change):
+    local = gym.make_vec(SWING_UP, 2).unwrapped
+    local.reset(seed=1)
+    with closing(rodgym.remote.connect(server.address, SWING_UP, 2)) as env:
+        env.reset(seed=1)
+        assert words(lambda: change(env)) == words(lambda: change(local))
+        assert np.array_equal(env.step(np.ones((2, 1)))[0], local.step(np.ones((2, 1)))[0])
+
+
+@pytest.mark.parametrize("value", [2**70, "\ud800", object()], ids=ascii)
+def test_a_call_that_cannot_be_packed_was_not_made(server, value):
+    with closing(rodgym.remote.connect(server.address, SWING_UP, 2)) as env:
+        env.reset(seed=1)
+        native, before = env.unwrapped._batch.native, env.get_state()
+        said = words(lambda: native._change("reset", {"seed": value}, {}, lambda reply: None))
+        assert "'reset' cannot be sent" in said
+        assert not native.pending
+        assert env.get_state() == before
+
+
+@pytest.mark.parametrize("recover", ["raise", "restart"])
+def test_what_is_too_large_for_the_server_is_not_sent(server, recover):
+    """The server would hang up on it, and libzmq may end a process whose message was cut there."""
+    long = np.zeros(200_000)
+    with closing(rodgym.remote.connect(server.address, SWING_UP, 2, recover=recover)) as env:
+        env.reset(seed=1)
+        before = env.get_state()
+        for call in (
+            lambda: env.reset(options={"state": {"angles": long, "rates": long}}),
+            lambda: env.set_parameters(width=long + 0.008),
+        ):
+            assert "bytes; this server takes 1048576" in words(call)
+            assert env.unwrapped._batch.native.connection.resent == 0
+        assert env.get_state() == before
+    with pytest.raises(rodgym.remote.LimitError, match="this server takes"):
+        rodgym.remote.connect(server.address, SWING_UP, 2, width=long)

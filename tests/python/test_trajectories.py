@@ -105,3 +105,6 @@ def test_best_known_returns_stand_in_the_table_where_they_are_known(tmp_path, mo
     assert there.best_known == 489.25
     assert "best known return here: 489.2" in comparison_table([there])
     assert evaluate("zero", ENV, range(1)).best_known is None
+    # Shorter episodes have another best.
+    short = {"width": 0.008, "max_episode_steps": 5}
+    assert evaluate("zero", ENV, range(1), env_kwargs=short).best_known is None

@@ -164,10 +164,15 @@ def evaluate(
             for name in drawn_by(spec)
         },
         env_kwargs=keywords,
-        # A reward of somebody's own has another best.
-        best_known=best_known(spec) if env_id in (spec["id"], REMOTE) else None,
+        best_known=best_known(spec) if _usual(env_id, spec, keywords) else None,
         trajectories=tuple(turns) if trajectories else (),
     )
+
+
+def _usual(env_id: str, spec: Mapping[str, Any], keywords: Mapping[str, Any]) -> bool:
+    """Whether episodes have our rewards and last as long as ours: others have another best."""
+    steps = spec["default_max_episode_steps"]
+    return env_id in (spec["id"], REMOTE) and keywords.get("max_episode_steps", steps) == steps
 
 
 def play(

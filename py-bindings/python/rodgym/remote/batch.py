@@ -17,6 +17,7 @@ from rodgym.errors import ParameterError, ResetNeededError, ShapeError
 from rodgym.remote.address import Address
 from rodgym.remote.connection import Connection
 from rodgym.remote.errors import RemoteError
+from rodgym.remote.options import split_options
 from rodgym.remote.session import Session, in_parts
 from rodgym.remote.wire import Arrays, Reply, damaged, own, reading, split_lists
 
@@ -50,9 +51,9 @@ class RemoteBatch(Session):
     ) -> None:
         if recover not in ("raise", "restart"):
             raise checks.refused("recover", recover, "'raise' or 'restart'")
-        num_envs = checks.whole("num_envs", num_envs, 1, None, "a whole number of at least 1")
+        num_envs = checks.whole("num_envs", num_envs, 1, None, "an integer of at least 1")
         if max_episode_steps not in (None, -1):
-            allowed = "a whole number of at least 1, None or -1"
+            allowed = "an integer of at least 1, None or -1"
             max_episode_steps = checks.whole(
                 "max_episode_steps", max_episode_steps, 1, None, allowed
             )
@@ -102,7 +103,8 @@ class RemoteBatch(Session):
             # A copy: the caller may overwrite its array before we need to send it again.
             arrays["mask"] = mask.copy()
         if options:
-            p["options"], arrays = _split_state(options, arrays)
+            p["options"], state = split_options(options)
+            arrays |= state
         return self._change("reset", p, arrays, lambda reply: self._results(reply, out))
 
     def step(
@@ -177,7 +179,9 @@ class RemoteBatch(Session):
         self, first: int, count: int, parameters: dict[str, Any], randomize: dict[str, Any]
     ) -> None:
         """Changes how parameters are drawn; see `_native.Batch.configure`."""
-        p: dict[str, Any] = {"first": first, "count": count, "randomize": randomize}
+        p: dict[str, Any] = {"first": first, "count": count}
+        p["randomize"] = _native.plain_values(randomize)
+        parameters = _native.plain_values(parameters)
         # A header has no room for long lists.
         long = {
             name: value
@@ -353,23 +357,6 @@ def _single(array: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
 def _shape(array: npt.NDArray[Any], expected: tuple[int, ...]) -> ShapeError:
     """The error of a local batch, in its words."""
     return ShapeError(f"action has shape {list(array.shape)}, but {list(expected)} is needed")
-
-
-def _split_state(options: dict[str, Any], arrays: Arrays) -> tuple[dict[str, Any], Arrays]:
-    """Exact starts travel as arrays: those of long rods do not fit into a header."""
-    options = _native.plain_values(options)
-    state = options.get("state")
-    if isinstance(state, dict) and state:
-        options = {key: value for key, value in options.items() if key != "state"}
-        try:
-            numbers = {
-                f"state:{name}": np.asarray(value, dtype=np.float64)
-                for name, value in state.items()
-            }
-        except (TypeError, ValueError) as error:
-            raise ParameterError(f"options['state'] must hold lists of numbers: {error}") from error
-        arrays = {**arrays, **numbers}
-    return options, arrays
 
 
 def _stacked(each: list[dict[str, npt.NDArray[np.float64]]]) -> dict[str, npt.NDArray[np.float64]]:

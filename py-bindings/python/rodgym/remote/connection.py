@@ -23,6 +23,7 @@ from rodgym.remote.errors import (
     RemoteError,
     RemoteTimeoutError,
     SessionLostError,
+    UnsendableError,
     VersionError,
     local_error,
 )
@@ -37,6 +38,8 @@ NOBODY_SECONDS = 5.0
 PAUSE_SECONDS = (0.01, 0.5)
 #: Time between looks at what happened on the wire, and the precision of a deadline [ms].
 EVENTS_MILLISECONDS = 100
+#: Bytes of a request that every server takes, until it has told how many it takes.
+LEAST_MESSAGE = 1 << 20
 #: Largest frame that is accepted.
 MAX_MESSAGE = 256 << 20
 
@@ -102,6 +105,9 @@ class Connection:
         #: Whether something ever listened there.
         self._reached = False
         self._stopped = False
+        #: Bytes of a request that the server takes. A server hangs up on who sends much more, and
+        #: libzmq may end this process when that meets our closing of the socket.
+        self.message_bytes = LEAST_MESSAGE
         self._pid = os.getpid()
         #: The socket between two requests. Whoever uses it takes it out and puts it back only when
         #: a whole reply was read: after anything else, an interrupt at any byte included, it is
@@ -159,6 +165,11 @@ class Connection:
         self.check_process()
         rid = next(self._rids)
         frames = pack(op, rid, sid, seq, p or {}, arrays or {})
+        size = sum(memoryview(frame).nbytes for frame in frames)
+        if size > self.message_bytes:
+            raise UnsendableError(
+                f"'{op}' would take {size} bytes; this server takes {self.message_bytes}", "limit"
+            )
         began = time.monotonic()
         deadline = began + self.address.timeout
         attempt, pause = ATTEMPT_SECONDS[0], PAUSE_SECONDS[0]

@@ -50,6 +50,10 @@ class LimitError(RemoteError):
     """The server grants no more: too many sessions, environments or bytes."""
 
 
+class UnsendableError(LimitError):
+    """No message can hold this request; nothing was sent."""
+
+
 class SessionLostError(RemoteError):
     """The session is gone: the server restarted, or nobody used it for too long."""
 

@@ -22,7 +22,12 @@ import numpy as np
 
 from rodgym.errors import EnvIndexError, ResetNeededError, RodgymError
 from rodgym.remote.connection import Connection, refusal
-from rodgym.remote.errors import RemoteError, RemoteTimeoutError, SessionLostError
+from rodgym.remote.errors import (
+    RemoteError,
+    RemoteTimeoutError,
+    SessionLostError,
+    UnsendableError,
+)
 from rodgym.remote.wire import Arrays, Reply, damaged, reading
 
 #: Changing calls between two snapshots with recover="restart".
@@ -127,6 +132,7 @@ class Session:
         self.message_bytes: int = made.p.get("message_bytes", MESSAGE_BYTES)
         if not isinstance(self.message_bytes, int) or self.message_bytes <= HEADER_BYTES:
             raise ValueError(f"message_bytes = {self.message_bytes!r}")
+        self.connection.message_bytes = self.message_bytes
         if self.num_envs != self._about["num_envs"]:
             raise ValueError(f"num_envs = {self.num_envs!r}")
 
@@ -212,7 +218,11 @@ class Session:
                 return progress.reply
             call = progress.pending
             assert call is not None
-            reply = self._number(progress, call)
+            try:
+                reply = self._number(progress, call)
+            except UnsendableError:
+                self._progress = progress._replace(pending=None)
+                raise
             if not reply.ok:
                 # What the server will never do it has not done.
                 if (reply.err or {}).get("retry", "never") == "never":

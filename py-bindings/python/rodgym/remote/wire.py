@@ -11,7 +11,7 @@ import msgpack
 import numpy as np
 import numpy.typing as npt
 
-from rodgym.remote.errors import RemoteError
+from rodgym.remote.errors import RemoteError, UnsendableError
 
 #: The protocol version that this client speaks.
 VERSION = 1
@@ -125,7 +125,11 @@ def _numbers(values: list[Any]) -> bool:
 def pack(
     op: str, rid: int, sid: str | None, seq: int | None, p: dict[str, Any], arrays: Arrays
 ) -> list[Any]:
-    """The frames of a request; arrays become C-order little-endian."""
+    """The frames of a request; arrays become C-order little-endian.
+
+    Raises:
+        UnsendableError: a value that msgpack cannot say.
+    """
     header: dict[str, Any] = {"v": VERSION, "op": op, "rid": rid}
     if sid is not None:
         header["sid"] = sid
@@ -140,7 +144,10 @@ def pack(
             array = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<"))
             described.append((name, array.dtype.str, array.shape))
             frames.append(array.data if array.size else b"")
-    frames[0] = msgpack.packb(header)
+    try:
+        frames[0] = msgpack.packb(header)
+    except (ValueError, TypeError, OverflowError) as error:
+        raise UnsendableError(f"'{op}' cannot be sent: {error}", "bad_header") from error
     return frames
 
 
