@@ -250,7 +250,7 @@ def with_own_task(wheel: Path, own: Path, fresh: Fresh) -> str:
     fresh.install(str(wheel))
     fresh.install(str(own))
     fresh.run("python", "-c", OWN)
-    fresh.run("python", "-m", "own_task", "list", "PendulumLevel")
+    fresh.run("python", "-m", "own_task", "list", OWN_ID)
     fresh.run("python", "-m", "own_task", "evaluate", "random", "--env", OWN_ID, "--seeds", "2")
     return f"works; {own.stat().st_size / 1e6:.2f} MB"
 
